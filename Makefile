@@ -1,0 +1,44 @@
+# The commands of README.md. On a fresh machine they need make and Python 3.10 or later with its venv module.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help install demo test lint bench clean
+
+help:
+	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
+	@echo "make test     run the tests"
+	@echo "make lint     check style and types"
+	@echo "make bench    measure the performance"
+	@echo "make install  only prepare $(VENV), which every command above does by itself"
+	@echo "make clean    delete $(VENV) and everything that these commands made"
+	@echo "PYTHON=/path/to/python3 picks another Python (now: $(PYTHON))"
+
+install: $(INSTALLED)
+
+$(INSTALLED): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --editable '.[dev]'
+	touch $@
+
+demo: $(INSTALLED)
+	$(BIN)/persfs-cl demo
+
+test: $(INSTALLED)
+	$(BIN)/python -m pytest
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: $(INSTALLED)
+	$(BIN)/persfs-cl bench
+
+clean:
+	rm -rf $(VENV) dist build demo-output bench-output .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find persfs_cl tests -name __pycache__ -prune -exec rm -rf {} +

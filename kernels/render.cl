@@ -1,0 +1,41 @@
+/* The forward model: brightness of a surface from its log depth, eq. (6) and its kin.
+ *
+ * Derivatives are central differences, one-sided beside a missing neighbour, and zero where both are missing. One
+ * work-item renders one pixel: global size (width, height). Pixels without depth (flag SWEPT not set) become NaN.
+ */
+static inline real slope(const real before, const real here, const real after, const int no_before, const int no_after,
+                         const real half_inverse_spacing)
+{
+    if (no_before && no_after)
+        return (real)0;
+    const real scale = no_before || no_after ? (real)2 * half_inverse_spacing : half_inverse_spacing;
+    return ((no_after ? here : after) - (no_before ? here : before)) * scale;
+}
+
+__kernel void render(__global const real *log_depth,    /* Z, shape (height, width)                     */
+                     __global const uchar *flags,       /* see prelude, shape (height, width)           */
+                     __constant const real *parameters, /* see prelude and model                        */
+                     __global real *brightness,         /* result, shape (height, width)                */
+                     const int width,                   /* pixels                                       */
+                     const int height)                  /* pixels                                       */
+{
+    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
+    if (column >= width || row >= height)
+        return;
+    const size_t cell = (size_t)row * (size_t)width + (size_t)column;
+    const uint flag = flags[cell];
+    if (!(flag & SWEPT)) {
+        brightness[cell] = (real)NAN;
+        return;
+    }
+    const real here = log_depth[cell];
+    const real p = slope(log_depth[flag & NO_LEFT ? cell : cell - 1], here,
+                         log_depth[flag & NO_RIGHT ? cell : cell + 1], flag & NO_LEFT, flag & NO_RIGHT,
+                         parameters[HALF_INVERSE_DX]);
+    const real q = slope(log_depth[flag & NO_UP ? cell : cell - (size_t)width], here,
+                         log_depth[flag & NO_DOWN ? cell : cell + (size_t)width], flag & NO_UP, flag & NO_DOWN,
+                         parameters[HALF_INVERSE_DY]);
+    const real x = multiply_add((real)column, parameters[GRID_DX], parameters[GRID_X0]);
+    const real y = multiply_add((real)row, parameters[GRID_DY], parameters[GRID_Y0]);
+    brightness[cell] = reflectance_map(p, q, x, y, parameters);
+}

@@ -1,0 +1,61 @@
+"""Shape from one shaded photograph, on any OpenCL device.
+
+    import persfs_cl as ps
+
+    solution = ps.reconstruct(image, ps.Camera(focal_length=590.0))
+
+See :func:`reconstruct` for the main entry, :func:`read_image` for photographs, :func:`devices` for OpenCL.
+"""
+
+from importlib.metadata import version as _version
+
+from persfs_cl._cl.device import Device, devices
+from persfs_cl.camera import Camera
+from persfs_cl.errors import (
+    CameraError,
+    ConvergenceError,
+    DeviceError,
+    InputError,
+    KernelBuildError,
+    PersfsError,
+)
+from persfs_cl.forward import render
+from persfs_cl.grey import normalise_grey
+from persfs_cl.images import read_image
+from persfs_cl.light import ParallelLight
+from persfs_cl.metrics import Errors, compare
+from persfs_cl.reflectance import Lambertian
+from persfs_cl.scenes import Scene, bump, bumps, sphere_cap, vase
+from persfs_cl.solution import Elapsed, Solution, Status
+from persfs_cl.solver import reconstruct, reconstruct_batch
+
+__version__ = _version("persfs-cl")
+
+__all__ = [
+    "Camera",
+    "CameraError",
+    "ConvergenceError",
+    "Device",
+    "DeviceError",
+    "Elapsed",
+    "Errors",
+    "InputError",
+    "KernelBuildError",
+    "Lambertian",
+    "ParallelLight",
+    "PersfsError",
+    "Scene",
+    "Solution",
+    "Status",
+    "bump",
+    "bumps",
+    "compare",
+    "devices",
+    "normalise_grey",
+    "read_image",
+    "reconstruct",
+    "reconstruct_batch",
+    "render",
+    "sphere_cap",
+    "vase",
+]

@@ -1,0 +1,79 @@
+"""Programs: kernel files composed, compiled once for each device, and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pyopencl as cl
+
+from persfs_cl._cl.device import Device
+from persfs_cl.errors import KernelBuildError
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def _kernel_directory() -> Path:
+    """kernels/ inside an installed package, or beside the package in a checkout (editable install)."""
+    packaged = _PACKAGE / "kernels"
+    return packaged if packaged.is_dir() else _PACKAGE.parent / "kernels"
+
+
+def kernel_names() -> list[str]:
+    """Names of all kernel files, without the suffix."""
+    return sorted(path.stem for path in _kernel_directory().glob("*.cl"))
+
+
+def kernel_source(name: str) -> str:
+    """Text of one kernel file.
+
+    Raises
+    ------
+    KernelBuildError
+        When the file is missing: the installation is incomplete.
+    """
+    path = _kernel_directory() / f"{name}.cl"
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise KernelBuildError(
+            f"Kernel file {path} cannot be read ({error}): the installation is incomplete, reinstall persfs-cl."
+        ) from error
+
+
+def program(
+    device: Device, names: Sequence[str], precision: str, definitions: Mapping[str, int] | None = None
+) -> cl.Program:
+    """The program made of some kernel files, compiled at first use and kept with its device.
+
+    Parameters
+    ----------
+    device : Device
+    names : sequence of str
+        Kernel files in order; the prelude is put before them.
+    precision : {"float32", "float64"}
+    definitions : mapping, optional
+        Preprocessor constants: work-group sizes, nothing else.
+
+    Raises
+    ------
+    KernelBuildError
+        With the compiler's log, which names files and lines.
+    """
+    constants = {"USE_DOUBLE": int(precision == "float64"), **(definitions or {})}
+    key = (tuple(names), tuple(sorted(constants.items())))
+    with device.lock:
+        if key not in device.programs:
+            device.programs[key] = _build(device, ["prelude", *names], constants)
+        return device.programs[key]
+
+
+def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -> cl.Program:
+    # '#line' lets the compiler's messages name the kernel file; -I would break on paths with spaces in PoCL.
+    source = "\n".join(f'#line 1 "{name}.cl"\n{kernel_source(name)}' for name in names)
+    options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]
+    try:
+        built: cl.Program = cl.Program(device.context, source).build(options)
+    except cl.RuntimeError as error:
+        raise KernelBuildError(f"{' + '.join(names)} did not compile on {device}:\n{error}") from error
+    return built

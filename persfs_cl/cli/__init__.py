@@ -1,0 +1,105 @@
+"""The command ``persfs-cl``: parse, call, print. One module a command."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+import persfs_cl
+from persfs_cl.cli.compare import compare
+from persfs_cl.cli.demo import demo
+from persfs_cl.cli.devices import devices
+from persfs_cl.cli.reconstruct import reconstruct
+from persfs_cl.cli.render import render
+from persfs_cl.errors import DeviceError, PersfsError
+
+_INPUT_FAILED, _NO_DEVICE, _INTERRUPTED = 1, 3, 130
+
+# A blank line is the only break that every version of typer keeps.
+_EPILOG = """[bold]Exit status[/bold]
+
+0: done. 1: an input could not be used, or a file not be written; standard error says which and why.
+
+2: the command line is wrong. 3: no usable OpenCL device. 130: interrupted by Ctrl-C.
+"""
+_RECONSTRUCT_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl reconstruct photo.jpg -o result --mask object.png
+
+persfs-cl reconstruct statue.png -o result --focal-length 590 --mean-filter 3 --surface toward
+
+persfs-cl reconstruct coin.tiff -o result --fov 7 --p0 0.2 --clip-highlights 95 --overwrite
+
+[bold]Output[/bold]
+
+The paths of the files written go to standard output, one a line; everything else goes to standard error.
+
+Ctrl-C ends the iteration: what there is by then is written, report.json says STOPPED, and the exit status is 130.
+A second Ctrl-C ends the program at once.
+"""
+_RENDER_EPILOG = """[bold]Example[/bold]
+
+persfs-cl render result/depth.npy -o image.png --focal-length 590 --p0 0.3
+
+The path of the image goes to standard output.
+"""
+_COMPARE_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl compare result/depth.npy truth.npy --align scale
+
+persfs-cl compare result/rendered.png photo.png --mask object.png --json
+"""
+
+
+class _Commands(TyperGroup):
+    """Says what a user can mend in a line or two; everything else keeps its traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except PersfsError as error:
+            typer.echo(f"persfs-cl: {error}", err=True)
+            raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
+        except KeyboardInterrupt as error:
+            typer.echo("persfs-cl: interrupted.", err=True)
+            raise typer.Exit(_INTERRUPTED) from error
+
+
+app = typer.Typer(
+    name="persfs-cl",
+    cls=_Commands,
+    help="Shape from one shaded photograph, on any OpenCL device.",
+    epilog=_EPILOG,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command(epilog=_RECONSTRUCT_EPILOG)(reconstruct)
+app.command(epilog=_RENDER_EPILOG)(render)
+app.command(epilog=_COMPARE_EPILOG)(compare)
+app.command()(devices)
+app.command()(demo)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"persfs-cl {persfs_cl.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    del version  # used by its callback
+
+
+def main() -> None:
+    """Run the command that the command line names; ends the process with its exit status."""
+    app(prog_name="persfs-cl")

@@ -1,0 +1,101 @@
+"""Where results go: checked before the work, and filled all at once after it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import typer
+
+from persfs_cl.errors import InputError
+
+_OPTION = "'--output' / '-o'"
+
+
+def check_folder(folder: Path, *, overwrite: bool) -> None:
+    """Refuse a folder that results cannot go to. Creates nothing.
+
+    Raises
+    ------
+    typer.BadParameter
+        When it is a file or lies under one, cannot be written to, or holds something already.
+    """
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise typer.BadParameter(f"{folder} is a file: name a folder.", param_hint=_OPTION)
+        if folder.exists() and not overwrite and any(folder.iterdir()):
+            raise typer.BadParameter(
+                f"the folder {folder} is not empty: choose another, or add --overwrite.", param_hint=_OPTION
+            )
+        _check_writable(folder)
+    except OSError as error:
+        raise typer.BadParameter(f"{folder} cannot be written: {error.strerror}.", param_hint=_OPTION) from error
+
+
+def check_file(file: Path, suffixes: tuple[str, ...], *, overwrite: bool) -> None:
+    """Refuse a file name that a result cannot be written under. Creates nothing.
+
+    Raises
+    ------
+    typer.BadParameter
+        When its suffix is not one of `suffixes`, its folder is missing or cannot be written to, or it exists.
+    """
+    if file.suffix.lower() not in suffixes:
+        raise typer.BadParameter(f"{file} must end in one of {', '.join(suffixes)}.", param_hint=_OPTION)
+    try:
+        if file.exists() and not overwrite:
+            raise typer.BadParameter(f"{file} exists: choose another name, or add --overwrite.", param_hint=_OPTION)
+        if not file.parent.is_dir():
+            raise typer.BadParameter(f"{file.parent} is not a folder: create it first.", param_hint=_OPTION)
+        _check_writable(file.parent)
+    except OSError as error:
+        raise typer.BadParameter(f"{file} cannot be written: {error.strerror}.", param_hint=_OPTION) from error
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """A temporary folder whose files become those of `folder` when the block has ended without an error.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if needed; files of the same names in it are replaced, others stay.
+
+    Yields
+    ------
+    Path
+        The temporary folder, inside `folder`, so that renaming never crosses file systems.
+
+    Raises
+    ------
+    InputError
+        When the operating system refuses.
+    """
+    is_new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".persfs-cl-", dir=folder) as temporary:
+            try:
+                yield Path(temporary)
+            except InputError as error:
+                raise InputError(str(error).replace(temporary, str(folder))) from error
+            for file in Path(temporary).iterdir():
+                file.replace(folder / file.name)
+    except BaseException as error:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
+        if isinstance(error, OSError):
+            raise InputError(
+                f"{folder} cannot be written: {error.strerror}. Free some space, or choose another folder."
+            ) from error
+        raise
+
+
+def _check_writable(folder: Path) -> None:
+    """Try it: permissions alone do not tell of read-only disks and special folders."""
+    existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    with tempfile.TemporaryFile(dir=existing):
+        pass

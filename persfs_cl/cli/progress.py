@@ -1,0 +1,96 @@
+"""What a person at a terminal sees of a long run, and how Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+
+def remaining_iterations(changes: Sequence[float], tolerance: float, max_iterations: int) -> int:
+    """How many iterations are left, if the changes go on to shrink as they did over the latter half of them.
+
+    Parameters
+    ----------
+    changes : sequence of float
+        max |ΔZ| of every iteration so far, at least one.
+    tolerance : float
+        The change at which the run ends.
+    max_iterations : int
+
+    Returns
+    -------
+    int
+        At most `max_iterations` less the iterations done.
+    """
+    done = len(changes)
+    left = max_iterations - done
+    middle = (done - 1) // 2
+    if done < 2 or tolerance <= 0 or min(changes[middle], changes[-1]) <= 0:
+        return left
+    decay = math.log(changes[middle] / changes[-1]) / (done - 1 - middle)
+    if decay <= 0:
+        return left
+    return min(left, max(0, math.ceil(math.log(changes[-1] / tolerance) / decay)))
+
+
+@contextmanager
+def progress_line(tolerance: float, max_iterations: int) -> Iterator[Callable[[int, float], None]]:
+    """A line on standard error with iteration, change and time left; nothing when that is not a terminal.
+
+    Yields
+    ------
+    callable
+        To be called with iteration and change after each iteration.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _iteration, _change: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    changes: list[float] = []
+    columns = (
+        TextColumn("iteration {task.completed:.0f}  change {task.fields[change]}"),
+        BarColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left, at a guess"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as line:
+        task = line.add_task("", total=None, change="-")
+
+        def show(iteration: int, change: float) -> None:
+            changes.append(change)
+            total = iteration + remaining_iterations(changes, tolerance, max_iterations)
+            line.update(task, completed=iteration, total=total, change=f"{change:.1e}")
+
+        yield show
+
+
+@contextmanager
+def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
+    """Let the first Ctrl-C ask for an end, and the second raise KeyboardInterrupt.
+
+    Yields
+    ------
+    callable
+        Whether an end was asked for.
+    """
+    pressed = threading.Event()
+
+    def ask(_number: int, _frame: FrameType | None) -> None:
+        pressed.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    previous = signal.getsignal(signal.SIGINT)
+    # A shell starts background jobs with Ctrl-C ignored: that must stay so.
+    if previous != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, ask)
+    try:
+        yield pressed.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -1,0 +1,236 @@
+"""Which pixels are solved, known, out of reach, or on the boundary: the geometry of one problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.errors import InputError
+
+Mask = NDArray[np.bool_]
+
+# Bits of a cell's flags; kernels/prelude.cl gives them the same values.
+SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16
+
+NONE = -1
+"""Index that stands for "does not look along this axis" in :attr:`Boundary.inwards`."""
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """For every pixel, whether the pixel beside it satisfies a predicate; nothing outside does."""
+
+    left: Mask
+    right: Mask
+    up: Mask
+    down: Mask
+
+    @classmethod
+    def of(cls, pixels: Mask) -> Neighbours:
+        """Look at `pixels` from each of the four sides."""
+        padded = np.pad(pixels, 1)
+        return cls(padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1])
+
+    @property
+    def any(self) -> Mask:
+        """Pixels with at least one such neighbour."""
+        return self.left | self.right | self.up | self.down
+
+    @property
+    def all(self) -> Mask:
+        """Pixels with four such neighbours."""
+        return self.left & self.right & self.up & self.down
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Cells renewed from inside after each sweep, eq. (12), instead of being swept.
+
+    Attributes
+    ----------
+    cells : ndarray of int32, shape (edges + corners,)
+        Flat indices.
+    inwards : ndarray of int32, shape (edges + corners, 4)
+        Next and second next cell inwards along x, then along y; :data:`NONE` where a cell does not look that way.
+    edges, corners : int
+        Edges look at cells that are not renewed themselves; corners, which come last, look along an edge.
+    """
+
+    cells: NDArray[np.int32]
+    inwards: NDArray[np.int32]
+    edges: int
+    corners: int
+
+
+@dataclass(frozen=True)
+class Domain:
+    """The geometry of one problem.
+
+    Attributes
+    ----------
+    known : ndarray of bool, shape (height, width)
+        Pixels that keep their value.
+    solved : ndarray of bool, shape (height, width)
+        Pixels that a known value can reach and that get a value, swept or renewed.
+    unreached : ndarray of bool, shape (height, width)
+        Pixels that were to be solved but are cut off from every known value.
+    flags : ndarray of uint8, shape (height, width)
+        For the kernels: which cells are swept and which neighbours are missing.
+    boundary : Boundary
+    """
+
+    known: Mask
+    solved: Mask
+    unreached: Mask
+    flags: NDArray[np.uint8]
+    boundary: Boundary
+
+
+def rim(pixels: Mask) -> Mask:
+    """Pixels of a set that have a neighbour outside it or outside the image."""
+    return pixels & ~Neighbours.of(pixels).all
+
+
+def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str) -> Domain:
+    """Classify the pixels of a problem.
+
+    Parameters
+    ----------
+    wanted : ndarray of bool, shape (height, width)
+        Pixels to solve.
+    known : ndarray of bool, shape (height, width)
+        Pixels whose depth is given, inside or outside `wanted`.
+    walls : ndarray of bool, shape (height, width)
+        Pixels that nothing crosses; they get no value.
+    boundary : {"outflow", "extrapolate", "fixed", "wall"}
+
+    Raises
+    ------
+    InputError
+        When there is nothing to solve, no known value can reach any pixel, or ``boundary="fixed"`` lacks values.
+    """
+    known = known & ~walls
+    unknown = wanted & ~known & ~walls
+    if not unknown.any():
+        raise InputError(
+            f"There is nothing to solve: of {wanted.size} pixels {int(known.sum())} are known, "
+            f"{int((~wanted).sum())} masked out and {int(walls.sum())} walls. Leave some pixels unknown (NaN)."
+        )
+    if not known.any():
+        raise InputError("No depth is known: give known_depth at least one finite value that is not behind a wall.")
+    reached = unknown & connected(known, unknown | known)
+    if not reached.any():
+        raise InputError(
+            f"None of the {int(known.sum())} known depths can reach the {int(unknown.sum())} pixels to solve: "
+            "give a known depth inside the mask or beside it."
+        )
+    present = reached | known
+    missing_flags = missing_neighbours(present)
+    if boundary == "fixed":
+        open_rim = int(np.count_nonzero(missing_flags[reached]))
+        if open_rim:
+            raise InputError(
+                f"boundary='fixed' needs a known depth on every edge pixel of the image and mask, but {open_rim} "
+                "have none: add them to known_depth, or use boundary='outflow'."
+            )
+    renewed = (
+        _boundary(reached, known, present)
+        if boundary in ("outflow", "extrapolate")
+        else Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
+    )
+    swept = reached.copy()
+    swept.ravel()[renewed.cells] = False
+    return Domain(
+        known=known,
+        solved=reached,
+        unreached=unknown & ~reached,
+        flags=np.asarray(missing_flags | swept * np.uint8(SWEPT), dtype=np.uint8),
+        boundary=renewed,
+    )
+
+
+def missing_neighbours(present: Mask) -> NDArray[np.uint8]:
+    """Flags NO_LEFT, NO_RIGHT, NO_UP and NO_DOWN of every pixel."""
+    beside = Neighbours.of(present)
+    flags = np.zeros(present.shape, np.uint8)
+    for bit, there in ((NO_LEFT, beside.left), (NO_RIGHT, beside.right), (NO_UP, beside.up), (NO_DOWN, beside.down)):
+        flags[~there] |= bit
+    return flags
+
+
+def connected(seeds: Mask, passable: Mask) -> Mask:
+    """Pixels joined to a seed by steps along rows and columns through passable pixels, seeds included.
+
+    Rows and columns are flooded in turn, a whole run of passable pixels at once, until nothing changes.
+    """
+    reached = seeds & passable
+    if passable.all():
+        return np.full_like(passable, reached.any())
+    # Runs are numbered along rows and along columns once; a wall, or the end of a line, begins a new run.
+    runs = [_runs(passable), _runs(passable.T)]
+    before = -1
+    while (count := int(np.count_nonzero(reached))) != before:
+        before = count
+        for axis, (numbers, total) in enumerate(runs):
+            lines = reached if axis == 0 else reached.T
+            flooded = np.zeros(total, bool)
+            flooded[numbers[lines]] = True
+            lines |= flooded[numbers] & (passable if axis == 0 else passable.T)
+    return reached
+
+
+def _runs(passable: Mask) -> tuple[NDArray[np.intp], int]:
+    breaks = ~passable
+    breaks[:, 0] = True
+    numbers = np.cumsum(breaks.ravel(), dtype=np.intp).reshape(passable.shape)
+    # A blocked pixel shares its number with the run behind it, which is harmless: only passable pixels are asked.
+    return numbers, int(numbers.flat[-1]) + 1
+
+
+def _boundary(reached: Mask, known: Mask, present: Mask) -> Boundary:
+    """Choose the cells that eq. (12) renews.
+
+    A rim cell looks inwards along each axis on which just one neighbour is missing. Cells that no chain of looks
+    joins to a swept cell (strips of one or two pixels), and cells beside a known value, are swept like all others.
+    """
+    height, width = reached.shape
+    beside = Neighbours.of(present)
+    on_rim = reached & ~beside.all
+    rows, columns = np.nonzero(on_rim & ~Neighbours.of(known).any)
+    index = rows * width + columns
+
+    looks = []
+    for before, after, line, length, stride in (
+        (beside.left, beside.right, columns, width, 1),
+        (beside.up, beside.down, rows, height, width),
+    ):
+        has_before, has_after = before[rows, columns], after[rows, columns]
+        step = has_after.astype(np.int64) - has_before.astype(np.int64)
+        near = np.where(step != 0, index + step * stride, NONE)
+        second = line + 2 * step
+        inside = (step != 0) & (second >= 0) & (second < length)
+        far = np.where(inside, index + 2 * step * stride, NONE)
+        far = np.where(inside & present.ravel()[far], far, near)
+        looks.append((near, far))
+
+    def take(goals: Mask) -> NDArray[np.int64]:
+        """Looks whose next cell is one of `goals`, as (near x, far x, near y, far y)."""
+        good = [(near != NONE) & goals.ravel()[near] for near, _ in looks]
+        return np.stack(
+            [np.where(ok, cell, NONE) for ok, pair in zip(good, looks, strict=True) for cell in pair], axis=1
+        )
+
+    edge_looks = take(present & ~on_rim)
+    is_edge = (edge_looks != NONE).any(axis=1)
+    edge_pixels = np.zeros_like(reached)
+    edge_pixels[rows[is_edge], columns[is_edge]] = True
+    corner_looks = take(edge_pixels)
+    is_corner = ~is_edge & (corner_looks != NONE).any(axis=1)
+    return Boundary(
+        cells=np.concatenate([index[is_edge], index[is_corner]]).astype(np.int32),
+        inwards=np.concatenate([edge_looks[is_edge], corner_looks[is_corner]]).astype(np.int32),
+        edges=int(is_edge.sum()),
+        corners=int(is_corner.sum()),
+    )

@@ -1,0 +1,42 @@
+"""The errors of persfs_cl: every one says what was wrong, with the value, and what to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from persfs_cl.solution import Solution
+
+
+class PersfsError(Exception):
+    """Base class of every error that persfs_cl raises on purpose."""
+
+
+class InputError(PersfsError, ValueError):
+    """An image, mask, depth or option cannot be used as it was given."""
+
+
+class CameraError(PersfsError):
+    """The camera is impossible, or a file does not say what the camera was."""
+
+
+class DeviceError(PersfsError):
+    """No OpenCL device fits the request, or the chosen one lacks what was asked of it."""
+
+
+class KernelBuildError(PersfsError):
+    """A kernel did not compile; the message holds the compiler's log with file names and lines."""
+
+
+class ConvergenceError(PersfsError):
+    """The iteration ended before the tolerance was met, and ``throw=True`` was given.
+
+    Attributes
+    ----------
+    solution : Solution
+        The surface as far as it had come.
+    """
+
+    def __init__(self, message: str, solution: Solution) -> None:
+        super().__init__(message)
+        self.solution = solution

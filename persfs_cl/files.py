@@ -1,0 +1,112 @@
+"""Files read whole and written whole: nothing half-finished is ever left under a final name."""
+
+from __future__ import annotations
+
+import errno
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from persfs_cl.errors import InputError
+
+FilePath = str | os.PathLike[str]
+
+_REMEDIES = {
+    errno.ENOENT: "Create the folder first, or choose another path.",
+    errno.ENOTDIR: "A part of the path before its last is a file, not a folder: choose another path.",
+    errno.EISDIR: "The path is a folder: add a file name.",
+    errno.EACCES: "Choose a place that you may write to, or change the permissions.",
+    errno.EPERM: "Choose a place that you may write to, or change the permissions.",
+    errno.EROFS: "The disk is read-only: choose a path on another one.",
+    errno.ENOSPC: "Free some space, or choose a path on another disk.",
+    errno.EDQUOT: "Your quota is used up: free some space, or choose a path on another disk.",
+    errno.ENAMETOOLONG: "Choose a shorter name.",
+}
+
+
+@contextmanager
+def atomic_path(target: FilePath) -> Iterator[Path]:
+    """A temporary name to write to, which becomes `target` once the block has ended without an error.
+
+    Whoever looks at `target` sees the old file or the whole new one. The temporary file lies in the same
+    folder, with the same suffix, and is removed whenever the block fails, also on Ctrl-C. It is not created
+    here, so the permissions of the finished file are those that the umask gives to any new file.
+
+    Parameters
+    ----------
+    target : path
+        Final name. A regular file of that name is replaced; through a symbolic link, the file it points to.
+
+    Yields
+    ------
+    Path
+        The temporary name.
+
+    Raises
+    ------
+    InputError
+        When the operating system refuses: the folder is missing or not writable, the disk is full, or
+        `target` is a folder or a device. Names `target`, the reason and the remedy.
+
+    Examples
+    --------
+    >>> with atomic_path("depth.npy") as temporary:
+    ...     np.save(temporary, depth)
+    """
+    final = Path(target).resolve()
+    temporary = final.with_name(f".{uuid.uuid4().hex}{final.suffix}")
+    try:
+        # Renaming over a device such as /dev/null would replace it for the whole machine.
+        if final.exists() and not final.is_file():
+            raise InputError(f"{target} is not a regular file and cannot be replaced: choose another path.")
+        if not final.parent.is_dir():
+            raise _missing_folder(final.parent)
+        try:
+            yield temporary
+            temporary.replace(final)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{target} cannot be written: {_explained(error, 'Choose another path.')}") from error
+
+
+def read_bytes(path: FilePath) -> bytes:
+    """The whole content of a file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    bytes
+        Never empty.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, a folder, unreadable or empty. Names the path, the reason and the remedy.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"{path} does not exist: check the spelling and the folder.") from error
+    except IsADirectoryError as error:
+        raise InputError(f"{path} is a folder: name a file in it.") from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {_explained(error, 'Check the path.')}") from error
+    if not data:
+        raise InputError(f"{path} is empty (0 bytes): copy or save it again.")
+    return data
+
+
+def _missing_folder(folder: Path) -> OSError:
+    code = errno.ENOTDIR if any(parent.is_file() for parent in (folder, *folder.parents)) else errno.ENOENT
+    return OSError(code, os.strerror(code), str(folder))
+
+
+def _explained(error: OSError, otherwise: str) -> str:
+    reason = error.strerror or str(error)
+    return f"{reason}. {_REMEDIES.get(error.errno or 0, otherwise)}"

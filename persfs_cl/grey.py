@@ -1,0 +1,258 @@
+"""From the brightness of a photo to the normalised reflectance E: decode, smooth, normalise, clip highlights.
+
+Every function takes an (H, W) array of numbers and an optional mask (bool, True = use this pixel), looks only
+at the pixels in the mask, and returns a new float64 array. Pixels outside the mask may hold anything, NaN
+included; each function says what becomes of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def decode_srgb(values: ArrayLike) -> Array:
+    """Linear light from sRGB values (IEC 61966-2-1).
+
+    Parameters
+    ----------
+    values : array_like
+        sRGB values, 0 (black) to 1 (white); the curve goes on above 1.
+
+    Returns
+    -------
+    ndarray of float64
+        Linear light on the same scale.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    curve = ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4
+    return np.asarray(np.where(values <= 0.04045, values / 12.92, curve))
+
+
+def encode_srgb(values: ArrayLike) -> Array:
+    """sRGB values from linear light, the inverse of `decode_srgb` (IEC 61966-2-1).
+
+    Parameters
+    ----------
+    values : array_like
+        Linear light, 0 (black) to 1 (white); the curve goes on above 1.
+
+    Returns
+    -------
+    ndarray of float64
+        sRGB values on the same scale.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    curve = 1.055 * np.maximum(values, 0.0) ** (1.0 / 2.4) - 0.055
+    return np.asarray(np.where(values <= 0.0031308, values * 12.92, curve))
+
+
+def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> Array:
+    """Mean over a square window, the smoothing that the paper applies to its photograph (section 4.2).
+
+    Near the edge of the image or mask the mean is taken over the pixels that exist.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+    size : int
+        Side of the window in pixels: odd, at most the shorter side of the image. 1 changes nothing.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to use. Those outside are returned as they came.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+
+    Raises
+    ------
+    InputError
+        When `size` is not such a number, or `image` or `mask` cannot be used.
+    """
+    values, inside = _checked(image, mask)
+    if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
+        raise InputError(f"The mean filter's size {size!r} is not an odd number above 0: give 3 or 5, say.")
+    if size > min(values.shape):
+        raise InputError(
+            f"The mean filter's size {size} is larger than the image, {_size(values)}: give a smaller one."
+        )
+    total = _window_sum(np.where(inside, values, 0.0), int(size))
+    count = _window_sum(inside.astype(np.float64), int(size))
+    return np.where(inside, total / np.maximum(count, 1.0), values)
+
+
+def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None) -> Array:
+    """Stretch the grey values to [0, 1], eq. (2): E = (I - I_min) / (I_max - I_min).
+
+    This is the paper's recipe. On linear light it shifts E, because the darkest pixel becomes 0 whatever it
+    was; `normalise_linear` keeps the shading equation exact.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Grey values on any scale, negative ones included.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels that set I_min and I_max. Those outside are stretched alike, then cut to [0, 1].
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+        E in [0, 1]: 0 at the darkest pixel, 1 at the brightest.
+
+    Raises
+    ------
+    InputError
+        When all pixels have one value, or `image` or `mask` cannot be used.
+    """
+    values, inside = _checked(image, mask)
+    darkest, brightest = float(values[inside].min()), float(values[inside].max())
+    if darkest == brightest:
+        raise InputError(
+            f"Every pixel of the image is {darkest:g}: there is no shading in it. "
+            "Give another image, or a mask that takes in more of it."
+        )
+    return np.asarray(np.clip((values - darkest) / (brightest - darkest), 0.0, 1.0))
+
+
+def normalise_linear(
+    image: ArrayLike,
+    *,
+    mask: ArrayLike | None = None,
+    brightest: float | None = None,
+    percentile: float = 99.5,
+) -> Array:
+    """Divide linear light by its brightest diffuse value, so that a pixel facing the light has E = 1.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Linear light, not negative, on any scale.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels that set the brightest value. Those outside are divided alike, then cut to [0, 1].
+    brightest : float, optional
+        Brightness of the matt surface where it faces the light, in units of `image`. Left out, it is a
+        percentile of the image, which a few highlights do not move.
+    percentile : float
+        In (0, 100]; used when `brightest` is left out. 100 is the brightest pixel.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+        E in [0, 1]; what is brighter than the brightest diffuse value is 1.
+
+    Raises
+    ------
+    InputError
+        When the image has negative values or is black, when `brightest` or `percentile` is impossible, or
+        when `image` or `mask` cannot be used.
+    """
+    values, inside = _checked(image, mask)
+    negative = np.count_nonzero(values[inside] < 0)
+    if negative:
+        raise InputError(
+            f"The image has {negative} negative pixels, the lowest {values[inside].min():g}: "
+            "linear light cannot be negative. Clip it at 0, or use normalise_grey."
+        )
+    if brightest is None:
+        brightest = _percentile(values, inside, percentile)
+        if brightest == 0:
+            raise InputError(
+                f"{percentile:g} % of the image is black: its brightest diffuse value cannot be told. "
+                "Give a mask of the object, or brightest."
+            )
+    elif not (math.isfinite(brightest) and brightest > 0):
+        raise InputError(f"brightest={brightest!r} is not a brightness: give a finite number above 0.")
+    return np.asarray(np.clip(values / brightest, 0.0, 1.0))
+
+
+def clip_highlights(
+    image: ArrayLike,
+    *,
+    mask: ArrayLike | None = None,
+    threshold: float | None = None,
+    percentile: float = 99.0,
+) -> tuple[Array, Mask]:
+    """Cut highlights, where a shiny spot is brighter than the matt surface around it could be.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Brightness on any scale.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to look at. Those outside are returned as they came.
+    threshold : float, optional
+        Brightest value to keep, in units of `image`. Left out, it is a percentile of the image.
+    percentile : float
+        In (0, 100]; used when `threshold` is left out.
+
+    Returns
+    -------
+    clipped : ndarray of float64, shape (H, W)
+        The image with every brighter value set to the threshold.
+    highlights : ndarray of bool, shape (H, W)
+        True where a value was changed.
+
+    Raises
+    ------
+    InputError
+        When `threshold` or `percentile` is impossible, or `image` or `mask` cannot be used.
+    """
+    values, inside = _checked(image, mask)
+    if threshold is None:
+        threshold = _percentile(values, inside, percentile)
+    elif not math.isfinite(threshold):
+        raise InputError(f"threshold={threshold!r} is not a brightness: give a finite number.")
+    highlights = inside & (values > threshold)
+    return np.where(highlights, threshold, values), highlights
+
+
+def _checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
+    """The image as float64 and the mask as bool, each known to be usable."""
+    given = np.asarray(image)
+    if given.dtype.kind not in "iuf":
+        raise InputError(f"The image holds {given.dtype}, not numbers: give an array of integers or floats.")
+    if given.ndim != 2 or given.size == 0:
+        raise InputError(f"The image has shape {given.shape}: give one grey image, (height, width).")
+    inside = np.ones(given.shape, dtype=np.bool_) if mask is None else np.asarray(mask)
+    if inside.dtype != np.bool_:
+        raise InputError(f"The mask holds {inside.dtype}, not bool: give mask > 0 or similar.")
+    if inside.shape != given.shape:
+        raise InputError(f"The mask has shape {inside.shape}, the image {given.shape}: make them the same.")
+    if not inside.any():
+        raise InputError("The mask selects no pixel: give one that is True where the image is to be used.")
+    values = given.astype(np.float64)
+    bad = np.count_nonzero(~np.isfinite(values[inside]))
+    if bad:
+        raise InputError(f"The image has {bad} NaN or infinite pixels: mask them out, or replace them.")
+    return values, inside
+
+
+def _percentile(values: Array, inside: Mask, percentile: float) -> float:
+    if not 0 < percentile <= 100:
+        raise InputError(f"percentile={percentile!r} is impossible: give a number above 0, at most 100.")
+    return float(np.percentile(values[inside], percentile))
+
+
+def _window_sum(values: Array, size: int) -> Array:
+    # Shifted slices are added instead of differences of cumulative sums: those cancel, and would leave
+    # traces of a highlight (even negative ones) in black pixels beside it.
+    height, width = values.shape
+    padded = np.pad(values, size // 2)
+    rows = np.zeros((height, padded.shape[1]))
+    for shift in range(size):
+        rows += padded[shift : shift + height]
+    total = np.zeros(values.shape)
+    for shift in range(size):
+        total += rows[:, shift : shift + width]
+    return total
+
+
+def _size(values: Array) -> str:
+    return f"{values.shape[1]}×{values.shape[0]} pixels"

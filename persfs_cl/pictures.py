@@ -1,0 +1,386 @@
+"""Pictures for people: depth, normals, relief, comparison and convergence, each one PNG file.
+
+Every picture is drawn on a figure of its own with the Agg canvas: no display, no pyplot, no global state.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl import surface
+from persfs_cl.camera import Camera
+from persfs_cl.errors import InputError
+from persfs_cl.files import FilePath, atomic_path
+from persfs_cl.metrics import compare
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+    from mpl_toolkits.mplot3d import Axes3D
+
+Array = NDArray[np.float64]
+
+UNIT = "units of the known values"
+_DOTS_PER_INCH = 140
+_NO_SURFACE = "0.88"
+_RELIEF_SAMPLES = 200
+_SOLID_INCHES = 5.6
+_ELEVATION, _AZIMUTH = 48.0, -70.0
+
+# Matplotlib is not thread-safe, even when every thread has a figure of its own.
+_drawing = threading.Lock()
+
+
+def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, unit: str = UNIT) -> None:
+    """Draw a depth map in colour: near is bright, far is dark, no surface is light grey.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    title : str
+    unit : str
+        Unit of the depth, for the label of the colour bar.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map, or is NaN everywhere.
+    """
+    z = surface.depth_array(depth)
+    _require_finite("depth", z)
+    with _figure(path, *_size(z)) as figure:
+        picture = _show(figure.add_subplot(), z, title, "viridis_r")
+        place = "bottom" if z.shape[1] > 3 * z.shape[0] else "right"
+        figure.colorbar(picture, location=place, label=f"depth ({unit})").long_axis.set_inverted(True)
+
+
+def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
+    """Colours of unit normals, in the usual coding of normal maps.
+
+    Red is right, green is up and blue is towards the camera, each coded (component + 1) / 2: a surface
+    that faces the camera squarely is (128, 128, 255). Normals in camera axes point y down and z
+    forward, so their second and third component change sign here.
+
+    Parameters
+    ----------
+    normals : array_like, shape (height, width, 3)
+        Unit normals in camera axes; NaN where there is no surface.
+
+    Returns
+    -------
+    ndarray of uint8, shape (height, width, 3)
+        Middle grey (128, 128, 128), the code of no direction at all, where ``normals`` is NaN.
+
+    Raises
+    ------
+    InputError
+        When the shape is not (height, width, 3), or no pixel holds a normal.
+    """
+    vectors = np.asarray(normals, dtype=np.float64)
+    if vectors.ndim != 3 or vectors.shape[2] != 3:
+        raise InputError(f"normals has shape {vectors.shape}: give unit vectors, (height, width, 3).")
+    _require_finite("normals", vectors)
+    upright = np.nan_to_num(vectors * (1.0, -1.0, -1.0), nan=0.0)
+    return np.floor((upright.clip(-1.0, 1.0) + 1.0) * 127.5 + 0.5).astype(np.uint8)
+
+
+def normals_picture(path: FilePath, normals: ArrayLike) -> None:
+    """Write a normal map, one pixel for one pixel, in the colours of `normals_rgb`.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    normals : array_like, shape (height, width, 3)
+        Unit normals in camera axes; NaN where there is no surface.
+
+    Raises
+    ------
+    InputError
+        When the shape is not (height, width, 3), or no pixel holds a normal.
+    """
+    import imageio.v3
+
+    pixels = normals_rgb(normals)
+    with atomic_path(path) as temporary:
+        imageio.v3.imwrite(temporary, pixels, extension=".png")
+
+
+def relief_picture(
+    path: FilePath,
+    depth: ArrayLike,
+    camera: Camera,
+    image: ArrayLike | None = None,
+    title: str = "Surface",
+    *,
+    unit: str = UNIT,
+) -> None:
+    """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
+
+    All three axes have the same scale. At most about 200 x 200 samples are drawn. A surface without any
+    square of four finite samples is drawn as dots.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    camera : Camera
+    image : array_like, shape (height, width), optional
+        Photograph in [0, 1]; a second view then wears its grey.
+    title : str
+    unit : str
+        Unit of the depth, for the note on the scale.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map or is NaN everywhere, or when ``image`` has another shape.
+    """
+    surface_points = surface.points(depth, camera)
+    _require_finite("depth", surface_points)
+    shape = surface_points.shape[:2]
+    grey = None if image is None else np.asarray(image, dtype=np.float64)
+    if grey is not None and grey.shape != shape:
+        raise InputError(f"image has shape {grey.shape}: give a grey image of the depth's shape {shape}.")
+
+    finite = np.isfinite(surface_points[..., 2])
+    rows, columns = np.nonzero(finite)
+    step = 1 + max(np.ptp(rows), np.ptp(columns)) // _RELIEF_SAMPLES
+    sampled = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
+    whole = _corners(finite[sampled]).all(axis=2)
+
+    def facets_of(values: Array) -> Array:
+        return _corners(values[sampled])[whole] if whole.any() else values[finite][:, None]
+
+    facets = facets_of(surface_points)
+    colours = [_clay(facets_of(surface.normals(depth, camera)).mean(axis=1))]
+    if grey is not None:
+        colours.insert(0, facets_of(np.nan_to_num(grey).clip(0.0, 1.0)).mean(axis=1).repeat(3).reshape(-1, 3))
+
+    lowest, highest = facets.min(axis=(0, 1)), facets.max(axis=(0, 1))
+    centre, extent = (lowest + highest) / 2, highest - lowest
+    extent = np.maximum(extent, 0.05 * (extent.max() or centre[2]))
+    panel_width, panel_height = _oblique_size(extent)
+    width, height = panel_width * len(colours), panel_height
+    with _figure(path, width, height, arrange=False) as figure:
+        for index, colour in enumerate(colours):
+            # Matplotlib keeps these axes square: a square larger than the panel, centred, wastes no paper.
+            left = (index + 0.5) * panel_width - _SOLID_INCHES / 2 - 0.25
+            bottom = (panel_height - _SOLID_INCHES) / 2 + 0.15
+            place = (left / width, bottom / height, _SOLID_INCHES / width, _SOLID_INCHES / height)
+            axes = figure.add_axes(place, projection="3d", facecolor="none")
+            _draw_solid(axes, facets, colour, centre - extent / 2, centre + extent / 2)
+        figure.text(0.5, 1 - 0.1 / height, title, ha="center", va="top", fontsize=12)
+        figure.text(0.5, 0.1 / height, f"x, y and depth in {unit}, one scale", ha="center", fontsize=9, color="0.35")
+
+
+def comparison_picture(
+    path: FilePath,
+    photo: ArrayLike,
+    rendered: ArrayLike,
+    title: str = "",
+    *,
+    white: float = 1.0,
+) -> None:
+    """Draw photograph, re-rendered photograph and their difference, with its mean and root mean square.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    photo, rendered : array_like, shape (height, width)
+        Linear light; NaN where there is none. Only pixels that are finite in both are compared;
+        ``rendered`` is first cut to [0, white], since a photograph holds nothing else.
+    title : str
+    white : float
+        The brightness that is shown as white and counts as 255 grey levels.
+
+    Raises
+    ------
+    InputError
+        When the shapes differ or are not (height, width), when no pixel is finite in both, or when
+        ``white`` is not above 0.
+    """
+    if not 0 < white < np.inf:
+        raise InputError(f"white={white!r} is not a brightness: give a finite number above 0.")
+    scale = 255.0 / white
+    given = np.asarray(photo, dtype=np.float64) * scale
+    again = (np.asarray(rendered, dtype=np.float64) * scale).clip(0.0, 255.0)
+    if given.ndim != 2:
+        raise InputError(f"photo has shape {given.shape}: give a grey image, (height, width).")
+    errors = compare(again, given)
+    difference = again - given
+    # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
+    limit = max(float(np.nanpercentile(np.abs(difference), 99)), 1.0)
+
+    with _figure(path, *_size(difference, panels=3)) as figure:
+        left, middle, right = figure.subplots(1, 3, sharey=True)
+        _show(left, given, "Photograph", "gray", (0.0, 255.0))
+        _show(middle, again, "Re-rendered", "gray", (0.0, 255.0))
+        picture = _show(
+            right,
+            difference,
+            f"Difference in grey levels\nME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}",
+            "RdBu_r",
+            (-limit, limit),
+        )
+        figure.colorbar(
+            picture,
+            label="re-rendered − photograph (grey levels)",
+            extend="both" if errors.maximum > limit else "neither",
+        )
+        if title:
+            figure.suptitle(title)
+
+
+def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, title: str = "Convergence") -> None:
+    """Draw the change of every iteration on a logarithmic axis, beside the tolerance.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    changes : array_like, shape (iterations,)
+        max |ΔZ| of each iteration, finite and >= 0. A change of exactly 0 is drawn as a triangle at the foot.
+    tolerance : float
+        The change at which the iteration stops, >= 0; drawn as a line unless it is 0.
+    title : str
+
+    Raises
+    ------
+    InputError
+        When there is no change, one is negative or not finite, or the tolerance is negative or not finite.
+    """
+    values = np.asarray(changes, dtype=np.float64)
+    if values.ndim != 1 or values.size == 0 or not (np.isfinite(values) & (values >= 0)).all():
+        raise InputError(f"changes={changes!r}: give one finite number >= 0 for each iteration.")
+    if not 0 <= tolerance < np.inf:
+        raise InputError(f"tolerance={tolerance!r} is not a change: give a finite number >= 0.")
+
+    iterations = np.arange(1, values.size + 1)
+    moved = values > 0
+    with _figure(path, 6.4, 4.0) as figure:
+        axes = figure.add_subplot()
+        axes.semilogy(iterations[moved], values[moved], color="#31688e", marker="o", markersize=3.5, label="change")
+        if tolerance > 0:
+            axes.axhline(tolerance, color="#c44e52", linestyle="--", label=f"tolerance {tolerance:g}")
+        if not moved.all():
+            axes.set_ylim(bottom=min((v for v in (*values, tolerance) if v > 0), default=1.0) / 10)
+            axes.plot(
+                iterations[~moved],
+                np.full(np.count_nonzero(~moved), 0.03),
+                transform=axes.get_xaxis_transform(),
+                color="#31688e",
+                marker="v",
+                linestyle="none",
+                label="no change at all",
+            )
+        axes.set(title=title, xlabel="iteration (four sweeps)", ylabel="change of ln depth, max |ΔZ|")
+        axes.locator_params(axis="x", integer=True, min_n_ticks=1)
+        axes.grid(which="major", color="0.9")
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend()
+
+
+def _require_finite(name: str, values: Array) -> None:
+    if not np.isfinite(values).any():
+        raise InputError(f"{name} of shape {values.shape} holds no finite value: there is nothing to draw.")
+
+
+@contextmanager
+def _figure(path: FilePath, width: float, height: float, *, arrange: bool = True) -> Iterator[Figure]:
+    """An empty figure of a size in inches; it becomes the PNG file when the block has drawn on it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with _drawing:
+        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="compressed" if arrange else None)
+        FigureCanvasAgg(figure)
+        yield figure
+        with atomic_path(path) as temporary:
+            # Without the metadata the same input gives the same bytes under every version number.
+            figure.savefig(temporary, format="png", dpi="figure", metadata={"Software": None})
+
+
+def _size(image: Array, panels: int = 1) -> tuple[float, float]:
+    """Width and height in inches of a figure with some copies of the image side by side and a colour bar."""
+    aspect = np.clip(image.shape[1] / image.shape[0], 1 / 3, 3)
+    side = 4.6 if panels == 1 else 3.6
+    return panels * (side * np.sqrt(aspect) + 0.5) + 1.0, side / np.sqrt(aspect) + 0.9
+
+
+def _show(
+    axes: Axes,
+    image: Array,
+    title: str,
+    cmap: str,
+    limits: tuple[float, float] | tuple[None, None] = (None, None),
+) -> AxesImage:
+    """Image on axes in pixels, light grey where it is NaN."""
+    picture = axes.imshow(image, cmap=cmap, vmin=limits[0], vmax=limits[1])
+    axes.set_facecolor(_NO_SURFACE)
+    axes.set_title(title, fontsize=11)
+    axes.set_xlabel("column (px)")
+    axes.set_ylabel("row (px)")
+    axes.label_outer()
+    axes.locator_params(integer=True, min_n_ticks=1)
+    return picture
+
+
+def _corners(samples: NDArray[Any]) -> NDArray[Any]:
+    """Values at the corners of every square of samples, counter-clockwise: (rows, columns, 4, ...)."""
+    return np.stack([samples[:-1, :-1], samples[1:, :-1], samples[1:, 1:], samples[:-1, 1:]], axis=2)
+
+
+def _clay(towards_camera: Array) -> Array:
+    """RGB of matt facets under a lamp at the upper left of the camera, softened so that no side is black."""
+    lamp = np.array([-0.6, -0.5, -0.62])
+    brightness = 0.2 + 0.8 * (0.5 + 0.5 * towards_camera @ lamp) ** 1.5
+    return np.asarray(brightness[:, None].clip(0.0, 1.0) * (1.0, 0.96, 0.9))
+
+
+def _oblique_size(extent: Array) -> tuple[float, float]:
+    """Inches that a box of some extent in x, y and depth takes in the oblique view, with room for labels."""
+    x, y, depth = extent / np.linalg.norm(extent)
+    elevation, azimuth = np.radians(_ELEVATION), np.radians(90 + _AZIMUTH)
+    across = x * np.cos(azimuth) + y * np.sin(azimuth)
+    upwards = (x * np.sin(azimuth) + y * np.cos(azimuth)) * np.sin(elevation) + depth * np.cos(elevation)
+    return _SOLID_INCHES * across + 1.9, _SOLID_INCHES * upwards + 1.5
+
+
+def _draw_solid(axes: Axes3D, facets: Array, colours: Array, lowest: Array, highest: Array) -> None:
+    """Facets, or dots, in camera axes; y and depth run downwards, so that the near side is up."""
+    from matplotlib.ticker import MaxNLocator
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    if facets.shape[1] == 1:
+        axes.scatter(*facets[:, 0].T, c=colours, s=10, edgecolors="0.3", linewidths=0.5, depthshade=False)
+    else:
+        axes.add_collection3d(Poly3DCollection(facets, facecolors=colours, edgecolors=colours, linewidths=0.4))
+    axes.set_xlim(lowest[0], highest[0])
+    axes.set_ylim(highest[1], lowest[1])
+    axes.set_zlim(highest[2], lowest[2])
+    axes.set_box_aspect(highest - lowest)
+    axes.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+    axes.set(xlabel="x", ylabel="y", zlabel="depth")
+    extent = highest - lowest
+    for index, axis in enumerate((axes.xaxis, axes.yaxis, axes.zaxis)):
+        axis.set_pane_color((0.97, 0.97, 0.97))
+        axis.set_major_locator(MaxNLocator(max(1, round(5 * extent[index] / extent.max()))))
+        # Matplotlib shrinks these distances with the box's other two sides; this takes it back.
+        stretch = extent.max() / np.delete(extent, index).max()
+        axis.labelpad = 25 * stretch - 21
+        axis.set_tick_params(labelsize=8, pad=11.5 * stretch - 8)

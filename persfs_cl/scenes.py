@@ -1,0 +1,489 @@
+"""Synthetic scenes whose depth, slopes and image are known exactly: ground truth for solvers.
+
+Depth is given in closed form over the image, so a scene is the same continuous surface at every image
+size of one aspect ratio, and errors can be measured under refinement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral, Real
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.camera import Camera
+from persfs_cl.errors import InputError
+from persfs_cl.light import ParallelLight
+from persfs_cl.reference import reflectance_map
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Surface = Literal["away", "toward"]
+VaseKnown = Literal["background and frame", "background"]
+
+_FRONTAL = ParallelLight()
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A surface, the photograph of it, and what a solver may be told.
+
+    Attributes
+    ----------
+    depth : ndarray of float64, shape (height, width)
+        True depth z > 0 along the optical axis, in units of the depth of the background or frame unless the
+        scene says otherwise.
+    image : ndarray of float64, shape (height, width)
+        Normalised reflectance E in [0, 1], eq. (6) from the analytic slopes. Self-shadowed pixels are 0.
+    camera : Camera
+        Its principal point is the image centre.
+    mask : ndarray of bool, shape (height, width)
+        True on the surface to reconstruct.
+    known_depth : ndarray of float64, shape (height, width)
+        True depth where a solver may know it, NaN elsewhere.
+    log_depth_gradient : tuple of two ndarray of float64, shape (height, width)
+        p = dZ/dx and q = dZ/dy of Z = ln z in normalised image coordinates, x right and y down.
+    light : ParallelLight
+    surface : {"away", "toward"}
+        Which way the surface leaves the values in ``known_depth``: the solver's keyword of that name.
+    name : str
+    singular_point : tuple of float or None
+        (row, column), in pixels, of the scene's only peak or pit, where E = 1. None when the scene has
+        several, or when the light is oblique, which moves E = 1 off the peak.
+    """
+
+    depth: Array
+    image: Array
+    camera: Camera
+    mask: Mask
+    known_depth: Array
+    log_depth_gradient: tuple[Array, Array]
+    light: ParallelLight
+    surface: Surface
+    name: str
+    singular_point: tuple[float, float] | None = None
+
+    def seeded(self) -> Scene:
+        """Give the same scene with only its singular point known, as when an object's top is measured.
+
+        Returns
+        -------
+        Scene
+            ``known_depth`` holds the one, two or four pixels around the singular point. ``surface`` is
+            reversed: what goes away from the frame comes toward the camera when seen from its own peak.
+
+        Raises
+        ------
+        InputError
+            When the scene has no single singular point.
+        """
+        if self.singular_point is None:
+            raise InputError(
+                f"the scene {self.name!r} under {self.light} has no single singular point to be seeded from:"
+                " use its known_depth, or take bump or sphere_cap under a frontal light."
+            )
+        row, column = self.singular_point
+        rows, columns = np.ogrid[: self.depth.shape[0], : self.depth.shape[1]]
+        beside = (np.abs(rows - row) < 1) & (np.abs(columns - column) < 1)
+        return replace(
+            self,
+            known_depth=np.where(beside, self.depth, np.nan),
+            surface="toward" if self.surface == "away" else "away",
+        )
+
+
+def vase(
+    shape: tuple[int, int] = (100, 100),
+    *,
+    light: ParallelLight = _FRONTAL,
+    bits: int | None = 8,
+    offset: float = 1.0,
+    surface: Surface = "away",
+    known: VaseKnown = "background and frame",
+) -> Scene:
+    """Vase of the paper, eq. (13), a body of revolution in front of a flat background.
+
+    The camera sees an image one unit wide and one unit high at depth one: its focal length is (width, height)
+    pixels. With h the height of eq. (13), the depth is ``offset`` ± h, and ``offset`` on the background. The
+    slopes are infinite at the silhouette, so the equation is not solvable exactly there at any image size.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (height, width) in pixels, at least 3 × 3. The paper's is 100 × 100.
+    light : ParallelLight
+    bits : int or None
+        Grey levels of the image, 2**bits; None leaves it unquantised.
+    offset : float
+        Depth of the background, which the paper leaves open.
+    surface : {"away", "toward"}
+        ``"away"``: depth = offset + h, the vase as a hollow, which is what a known background leads to.
+        ``"toward"``: depth = offset - h.
+    known : {"background and frame", "background"}
+        Where ``known_depth`` holds the truth. The top and bottom of the vase are cut by the image frame;
+        ``"background"`` leaves these cuts unknown.
+
+    Returns
+    -------
+    Scene
+        ``mask`` is True on the vase.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, or the vase would reach the camera.
+    """
+    height, width = _checked_shape(shape)
+    _check_choice("surface", surface, get_args(Surface))
+    _check_choice("known", known, get_args(VaseKnown))
+    _check_positive("offset", offset)
+    camera = Camera(focal_length=(float(width), float(height)))
+    grid = camera.grid(shape)
+    u, v = grid.x, 0.5 - grid.y
+    t = np.polynomial.Polynomial([0, 1])
+    profile = 0.15 - 0.1 * t * (6 * t + 1) ** 2 * (t - 1) ** 2 * (3 * t - 2)
+    radius, radius_slope = profile(v), profile.deriv()(v)
+    squared = radius**2 - u**2
+    inside = squared > 0
+    bulge = np.sqrt(np.where(inside, squared, 0.0))
+    sign = 1.0 if surface == "away" else -1.0
+    depth = offset + sign * bulge
+    if depth.min() <= 0:
+        raise InputError(f"offset={offset!r} puts the vase behind the camera: give more than {bulge.max():.3g}.")
+    scale = np.divide(sign, bulge * depth, out=np.zeros_like(depth), where=inside)
+    # v points up and y down, hence the opposite signs.
+    p, q = -u * scale, -radius * radius_slope * scale
+    known_here = ~inside if known == "background" else ~inside | _frame(shape)
+    return _scene("vase", camera, light, surface, bits, depth, (p, q), mask=inside, known=known_here)
+
+
+def bump(
+    shape: tuple[int, int] = (100, 100),
+    *,
+    focal_length: float | tuple[float, float] | None = None,
+    light: ParallelLight = _FRONTAL,
+    surface: Surface = "away",
+    bits: int | None = None,
+    orientation: float = 0.0,
+    relief: float = 0.2,
+) -> Scene:
+    """One smooth oblong bump that sinks to depth 1 at the image frame.
+
+    depth = 1 ± relief g,  g = (1 - ξ²)(1 - η²) exp(-X² - 3Y²), with ξ and η running from -1 to 1 over the
+    image, and X, Y the coordinates turned by ``orientation``, in units of half the smaller side of the image.
+    ln g is strictly concave, so the middle is the only peak and nothing but the frame needs to be known; g is
+    infinitely smooth, so that only the scheme limits the order of convergence.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (height, width) in pixels, at least 3 × 3.
+    focal_length : float, tuple of float or None
+        In pixels, f or (fx, fy); None = the image width, a view of 53°.
+    light : ParallelLight
+    surface : {"away", "toward"}
+        Whether the bump leaves the frame away from the camera (a hollow) or toward it.
+    bits : int or None
+        Grey levels of the image, 2**bits; None leaves it unquantised.
+    orientation : float
+        Turns the surface, not the light, counter-clockwise in the displayed image, in degrees.
+    relief : float
+        Height of the bump, in units of the depth of the frame. Steep reliefs leave the range in which the
+        equation determines the surface: E must stay above r / sqrt(1 + r²), r² = x² + y².
+
+    Returns
+    -------
+    Scene
+        ``mask`` is True everywhere, ``known_depth`` is given on the frame.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, or the bump would reach the camera.
+    CameraError
+        When the focal length is impossible.
+    """
+
+    def profile(x: Array, y: Array) -> tuple[Array, Array, Array]:
+        value = np.exp(-(x**2) - 3 * y**2)
+        return value, -2 * x * value, -6 * y * value
+
+    scene = _framed("bump", profile, shape, focal_length, light, surface, bits, orientation, relief)
+    if light != _FRONTAL:
+        return scene
+    return replace(scene, singular_point=((shape[0] - 1) / 2, (shape[1] - 1) / 2))
+
+
+def bumps(
+    shape: tuple[int, int] = (100, 100),
+    *,
+    focal_length: float | tuple[float, float] | None = None,
+    light: ParallelLight = _FRONTAL,
+    surface: Surface = "away",
+    bits: int | None = None,
+    orientation: float = 0.0,
+    relief: float = 0.1,
+) -> Scene:
+    """Three smooth bumps in a ring around a dip, all sinking to depth 1 at the image frame.
+
+    depth = 1 ± relief (1 - ξ²)(1 - η²) Σ exp(-12 |X - Xi|²), in the coordinates of :func:`bump`, with the
+    three Xi at distance ½ from the middle.
+
+    The depth of the dip's lowest pixels is given along with the frame. A solver builds the surface upwards
+    from known values, and every point of a bump can be reached uphill from the frame, but the dip cannot:
+    whatever lies around it is higher. Its brightness tells that it is flat, not how deep it lies, and without
+    its depth the solver makes a peak of it. Under an oblique light uphill means away from the plane that
+    faces the light, and the lowest pixels are found accordingly.
+
+    Parameters
+    ----------
+    shape, focal_length, light, surface, bits, orientation
+        As for :func:`bump`.
+    relief : float
+        Height of each bump before the factor (1 - ξ²)(1 - η²), in units of the depth of the frame.
+
+    Returns
+    -------
+    Scene
+        ``mask`` is True everywhere, ``known_depth`` is given on the frame and at the bottom of the dip.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, or the bumps would reach the camera.
+    CameraError
+        When the focal length is impossible.
+    """
+
+    def profile(x: Array, y: Array) -> tuple[Array, Array, Array]:
+        total, slope_x, slope_y = np.zeros((3, *np.broadcast_shapes(x.shape, y.shape)))
+        for angle in np.radians((90.0, 210.0, 330.0)):
+            right, down = x - 0.5 * np.cos(angle), y + 0.5 * np.sin(angle)
+            value = np.exp(-12 * (right**2 + down**2))
+            total += value
+            slope_x -= 24 * right * value
+            slope_y -= 24 * down * value
+        return total, slope_x, slope_y
+
+    scene = _framed("bumps", profile, shape, focal_length, light, surface, bits, orientation, relief)
+    grid = scene.camera.grid(shape)
+    above_lit_plane = np.log(scene.depth * (1 + grid.x * light.p0 + grid.y * light.q0))
+    lowest = _local_minima(above_lit_plane if surface == "away" else -above_lit_plane)
+    return replace(scene, known_depth=np.where(lowest, scene.depth, scene.known_depth))
+
+
+def sphere_cap(
+    shape: tuple[int, int] = (100, 100),
+    *,
+    focal_length: float | tuple[float, float] | None = None,
+    light: ParallelLight = _FRONTAL,
+    surface: Surface = "away",
+    bits: int | None = None,
+    orientation: float = 0.0,
+    relief: float = 0.1,
+    radius: float = 0.6,
+    centre: tuple[float, float] = (0.2, 0.0),
+) -> Scene:
+    """Cap of a true sphere on the plane z = 1 that faces the camera, by ray intersection in closed form.
+
+    The surface has a crease at the rim of the cap, where slope and brightness jump. Under a frontal light the
+    plane has E = 1 and takes the depth of the frame. Under an oblique light the plane is given too: part of
+    the rim is then a valley from which the surface rises on both sides, and such a valley, like a dip, cannot
+    be found from the frame.
+
+    Parameters
+    ----------
+    shape, focal_length, light, bits, orientation
+        As for :func:`bump`.
+    surface : {"away", "toward"}
+        A spherical hollow in the plane, or a cap that stands out of it.
+    relief : float
+        Height of the cap, in units of the depth of the plane. It sets the steepness: at the rim the cap is
+        inclined by 2 atan(relief / base radius). This and the angle between optical axis and viewing ray must
+        stay below 90° together, for a steeper rim is hidden, or as dark as r / sqrt(1 + r²), where the
+        equation no longer determines the surface.
+    radius : float
+        Radius of the cap's base, as a share of half the smaller side of the image.
+    centre : tuple of float
+        (x, y) of the base before the rotation, in the same unit, from the image centre.
+
+    Returns
+    -------
+    Scene
+        ``mask`` is True everywhere, ``known_depth`` is given on the frame, under an oblique light also on the
+        plane.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, the cap does not fit into the image, or is too steep.
+    CameraError
+        When the focal length is impossible.
+    """
+    _check_choice("surface", surface, get_args(Surface))
+    _check_positive("relief", relief)
+    _check_positive("radius", radius)
+    _check_finite("centre", *centre)
+    camera = _camera(shape, focal_length)
+    grid = camera.grid(shape)
+    unit = min(shape[1] * grid.dx, shape[0] * grid.dy) / 2
+    reach = math.hypot(*centre) + radius
+    if reach >= 1:
+        raise InputError(
+            f"radius={radius!r} around centre={centre!r} reaches {reach:.3g} of the way to the edge of the"
+            " image: keep it below 1."
+        )
+    base = radius * unit
+    incline = 2 * math.atan(relief / base)
+    steepest = base * math.tan((math.pi / 2 - math.atan(reach * unit)) / 2)
+    if relief >= min(steepest, 1.0):
+        raise InputError(
+            f"relief={relief!r} inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
+            f" seen all round: give less than {min(steepest, 1.0):.3g}."
+        )
+    cosine, sine = _turn(orientation)
+    centre_x = unit * (cosine * centre[0] + sine * centre[1])
+    centre_y = unit * (cosine * centre[1] - sine * centre[0])
+    sign = 1.0 if surface == "away" else -1.0
+    sphere_radius = base / math.sin(incline)
+    centre_z = 1 - sign * (sphere_radius - relief)
+
+    inside = (grid.x - centre_x) ** 2 + (grid.y - centre_y) ** 2 < base**2
+    ray_squared = 1 + grid.x**2 + grid.y**2
+    along = centre_x * grid.x + centre_y * grid.y + centre_z
+    power = centre_x**2 + centre_y**2 + centre_z**2 - sphere_radius**2
+    # Rays beside the cap may miss the sphere; what the root makes of them is not used.
+    root = np.sqrt(np.maximum(along**2 - ray_squared * power, 0.0))
+    depth = np.where(inside, (along + sign * root) / ray_squared, 1.0)
+    # The derivative of |z (x, y, 1) - centre|² = const, in which (x, y, 1) · (z (x, y, 1) - centre) = ± root.
+    p, q = (
+        np.divide(sign * (middle - depth * slope), root, out=np.zeros_like(depth), where=inside)
+        for middle, slope in ((centre_x, grid.x), (centre_y, grid.y))
+    )
+    known = _frame(shape) if light == _FRONTAL else _frame(shape) | ~inside
+    scene = _scene("sphere cap", camera, light, surface, bits, depth, (p, q), known=known)
+    if light != _FRONTAL:
+        return scene
+    top = 1 + sign * relief
+    # Rounded so that a top on a pixel centre is found there in spite of rounding.
+    row = round(centre_y / top / grid.dy + (shape[0] - 1) / 2, 9)
+    column = round(centre_x / top / grid.dx + (shape[1] - 1) / 2, 9)
+    return replace(scene, singular_point=(row, column))
+
+
+def _framed(
+    name: str,
+    profile: Callable[[Array, Array], tuple[Array, Array, Array]],
+    shape: tuple[int, int],
+    focal_length: float | tuple[float, float] | None,
+    light: ParallelLight,
+    surface: Surface,
+    bits: int | None,
+    orientation: float,
+    relief: float,
+) -> Scene:
+    """1 ± relief (1 - ξ²)(1 - η²) profile, which returns its value and its two slopes at turned (X, Y)."""
+    _check_choice("surface", surface, get_args(Surface))
+    _check_positive("relief", relief)
+    camera = _camera(shape, focal_length)
+    grid = camera.grid(shape)
+    half_width, half_height = shape[1] * grid.dx / 2, shape[0] * grid.dy / 2
+    unit = min(half_width, half_height)
+    cosine, sine = _turn(orientation)
+    value, slope_right, slope_down = profile(
+        (cosine * grid.x - sine * grid.y) / unit, (sine * grid.x + cosine * grid.y) / unit
+    )
+    slope_x = (cosine * slope_right + sine * slope_down) / unit
+    slope_y = (cosine * slope_down - sine * slope_right) / unit
+    window_x, window_y = 1 - (grid.x / half_width) ** 2, 1 - (grid.y / half_height) ** 2
+
+    signed_relief = relief if surface == "away" else -relief
+    depth = 1 + signed_relief * window_x * window_y * value
+    if depth.min() <= 0:
+        raise InputError(f"relief={relief!r} takes the surface behind the camera: give less.")
+    p = signed_relief * window_y * (window_x * slope_x - 2 * grid.x / half_width**2 * value) / depth
+    q = signed_relief * window_x * (window_y * slope_y - 2 * grid.y / half_height**2 * value) / depth
+    return _scene(name, camera, light, surface, bits, depth, (p, q))
+
+
+def _scene(
+    name: str,
+    camera: Camera,
+    light: ParallelLight,
+    surface: Surface,
+    bits: int | None,
+    depth: Array,
+    log_depth_gradient: tuple[Array, Array],
+    *,
+    mask: Mask | None = None,
+    known: Mask | None = None,
+) -> Scene:
+    """Light the surface and put the scene together: by default all is to be solved and the frame is known."""
+    if not isinstance(light, ParallelLight):
+        raise InputError(
+            f"light={light!r} is not a ParallelLight: render the scene's depth to see it under another light."
+        )
+    shape = (depth.shape[0], depth.shape[1])
+    grid = camera.grid(shape)
+    image = np.clip(reflectance_map(*log_depth_gradient, grid.x, grid.y, light), 0.0, 1.0)
+    if bits is not None:
+        if not isinstance(bits, Integral) or isinstance(bits, bool) or not 1 <= bits <= 32:
+            raise InputError(f"bits={bits!r} is no quantisation: give 1 to 32, or None for unquantised.")
+        levels = 2 ** int(bits) - 1
+        image = np.round(image * levels) / levels
+    if mask is None:
+        mask = np.ones(shape, dtype=bool)
+    known_depth = np.where(_frame(shape) if known is None else known, depth, np.nan)
+    return Scene(depth, image, camera, mask, known_depth, log_depth_gradient, light, surface, name)
+
+
+def _camera(shape: tuple[int, int], focal_length: float | tuple[float, float] | None) -> Camera:
+    _, width = _checked_shape(shape)
+    return Camera(focal_length=float(width) if focal_length is None else focal_length)
+
+
+def _frame(shape: tuple[int, int]) -> Mask:
+    frame = np.ones(shape, dtype=bool)
+    frame[1:-1, 1:-1] = False
+    return frame
+
+
+def _local_minima(values: Array) -> Mask:
+    """Pixels inside the frame that are no higher than their eight neighbours."""
+    lowest = np.lib.stride_tricks.sliding_window_view(values, (3, 3)).min(axis=(2, 3))
+    minima = np.zeros(values.shape, dtype=bool)
+    # A minimum between pixels makes two or four of them equal, but for rounding.
+    minima[1:-1, 1:-1] = values[1:-1, 1:-1] <= lowest + 1e-13
+    return minima
+
+
+def _turn(orientation: float) -> tuple[float, float]:
+    _check_finite("orientation", orientation)
+    return math.cos(math.radians(orientation)), math.sin(math.radians(orientation))
+
+
+def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    sides = tuple(shape) if isinstance(shape, Sequence) else ()
+    if len(sides) != 2 or not all(isinstance(side, Integral) and side >= 3 for side in sides):
+        raise InputError(f"shape={shape!r} is no image size: give (height, width), both whole and at least 3.")
+    return sides[0], sides[1]
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        listed = " or ".join(f'"{choice}"' for choice in choices)
+        raise InputError(f"{name}={value!r} is unknown: choose {listed}.")
+
+
+def _check_finite(name: str, *values: float) -> None:
+    if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
+        raise InputError(f"{name}={values if len(values) > 1 else values[0]!r} is not finite: give numbers.")
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not (isinstance(value, Real) and math.isfinite(value) and value > 0):
+        raise InputError(f"{name}={value!r} is not a length: give a finite number above 0.")

@@ -1,0 +1,247 @@
+"""What a reconstruction returns."""
+
+from __future__ import annotations
+
+import enum
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl import forward, images, metrics, pictures, surface
+from persfs_cl._cl.device import Device
+from persfs_cl.camera import Camera
+from persfs_cl.errors import InputError
+from persfs_cl.files import atomic_path
+from persfs_cl.light import ParallelLight
+from persfs_cl.reflectance import Lambertian
+
+if TYPE_CHECKING:
+    import trimesh
+
+Array = NDArray[np.float64]
+
+
+class Status(enum.Enum):
+    """How an iteration ended; the value says what that means and what to try."""
+
+    CONVERGED = "The largest change over an iteration is at most the tolerance."
+    MAX_ITERATIONS = "The iterations ran out first: raise max_iterations, or accept a larger tolerance."
+    STOPPED = "The callback, or the user, ended the iteration: the surface is what it was then."
+
+
+@dataclass(frozen=True)
+class Elapsed:
+    """Seconds a reconstruction took.
+
+    Attributes
+    ----------
+    total : float
+        From call to return.
+    kernels : float
+        Of these, on the device.
+    build : float
+        Of these, compiling kernels; next to nothing when they were compiled before.
+    """
+
+    total: float
+    kernels: float
+    build: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A reconstructed surface.
+
+    Attributes
+    ----------
+    depth : ndarray of float64, shape (height, width)
+        z along the optical axis, in the units of the known values; NaN where not solved.
+    log_depth : ndarray of float64, shape (height, width)
+        Z = ln z.
+    solved : ndarray of bool, shape (height, width)
+        Pixels that have a depth, known ones included.
+    unreached : ndarray of bool, shape (height, width)
+        Pixels that were to be solved but that no known value can reach.
+    clamped : ndarray of bool, shape (height, width)
+        Solved pixels where the equation degenerates (too dark for their place in the image): their slope is bounded
+        by ``max_slope`` alone.
+    iterations : int
+        Iterations done, of four sweeps each.
+    changes : ndarray of float64, shape (iterations,)
+        max |ΔZ| over each iteration.
+    status : Status
+    elapsed : Elapsed
+    device : Device
+    image : ndarray of float64, shape (height, width)
+        The brightness E that was reconstructed.
+    camera, light, reflectance
+        As given.
+    parameters : mapping
+        The remaining keywords, with "auto" resolved.
+    """
+
+    depth: Array
+    log_depth: Array
+    solved: NDArray[np.bool_]
+    unreached: NDArray[np.bool_]
+    clamped: NDArray[np.bool_]
+    iterations: int
+    changes: Array
+    status: Status
+    elapsed: Elapsed
+    device: Device
+    image: Array = field(repr=False)
+    camera: Camera
+    light: ParallelLight
+    reflectance: Lambertian
+    parameters: Mapping[str, Any]
+
+    def normals(self) -> Array:
+        """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved."""
+        return surface.normals(self.depth, self.camera)
+
+    def points(self) -> Array:
+        """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved."""
+        return surface.points(self.depth, self.camera)
+
+    def mesh(self, colour: NDArray[np.uint8] | None = None) -> trimesh.Trimesh:
+        """Triangle mesh, with no faces across unsolved pixels.
+
+        Parameters
+        ----------
+        colour : ndarray of uint8, shape (height, width) or (height, width, 3), optional
+            Vertex colours; the image itself, encoded for display, when not given.
+        """
+        if colour is None:
+            colour = images.to_display(np.nan_to_num(self.image))
+        return surface.mesh(self.depth, self.camera, colour)
+
+    def render(self) -> Array:
+        """The surface photographed again under its own light, eq. (6); NaN where not solved."""
+        return forward.render(
+            self.depth, self.camera, light=self.light, reflectance=self.reflectance, device=self.device
+        )
+
+    def grey_errors(self) -> metrics.Errors:
+        """Difference between the re-rendered and the given image in grey levels, 0 to 255 (the paper's Table 2)."""
+        return metrics.compare(255.0 * np.clip(self.render(), 0.0, 1.0), 255.0 * self.image)
+
+    def report(self) -> dict[str, Any]:
+        """Everything about the run that a later reader needs, ready for JSON."""
+        grey = self.grey_errors()
+        return {
+            "status": self.status.name,
+            "meaning": self.status.value,
+            "iterations": self.iterations,
+            "changes": self.changes.tolist(),
+            "pixels": {
+                "all": self.depth.size,
+                "solved": int(self.solved.sum()),
+                "unreached": int(self.unreached.sum()),
+                "clamped": int(self.clamped.sum()),
+            },
+            "depth": {
+                "min": float(np.nanmin(self.depth)),
+                "median": float(np.nanmedian(self.depth)),
+                "max": float(np.nanmax(self.depth)),
+            },
+            "grey_levels": {"mean_error": grey.mean, "root_mean_square": grey.root_mean_square},
+            "seconds": {
+                "total": self.elapsed.total,
+                "kernels": self.elapsed.kernels,
+                "build": self.elapsed.build,
+            },
+            "parameters": {
+                "focal_length": [self.camera.fx, self.camera.fy],
+                "principal_point": self.camera.principal_point,
+                "light": {"kind": type(self.light).__name__, "p0": self.light.p0, "q0": self.light.q0},
+                "reflectance": type(self.reflectance).__name__,
+                **self.parameters,
+            },
+            "device": {
+                "name": self.device.name,
+                "platform": self.device.platform,
+                "platform_version": self.device.platform_version,
+                "driver_version": self.device.driver_version,
+            },
+            "versions": {
+                "python": platform.python_version(),
+                **{name: version(name) for name in ("persfs-cl", "pyopencl", "numpy")},
+            },
+        }
+
+    def save(
+        self, path: str | Path, *, colour: NDArray[np.uint8] | None = None, report: Mapping[str, Any] | None = None
+    ) -> list[Path]:
+        """Write the surface to one file, or everything to a folder.
+
+        Parameters
+        ----------
+        path : path
+            A file whose suffix says what is wanted: ``.npy``, ``.tif``, ``.tiff`` (depth, float32 in TIFF), ``.png``
+            (picture of the depth), ``.ply``, ``.obj``, ``.stl``, ``.glb`` (mesh), ``.json`` (report). Anything without
+            a suffix is a folder, made if needed, that receives depth.npy, depth.tiff, depth.png, normals.png,
+            relief.png, mesh.ply, rendered.png, comparison.png, convergence.png and report.json.
+        colour : ndarray of uint8, optional
+            Vertex colours of the mesh, as for :meth:`mesh`.
+        report : mapping, optional
+            Further entries for the report.
+
+        Returns
+        -------
+        list of Path
+            The files written. Each appears whole or not at all.
+
+        Raises
+        ------
+        InputError
+            When the suffix is unknown or the file cannot be written.
+        """
+        target = Path(path)
+        if target.suffix:
+            self._write(target, colour, report)
+            return [target]
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"Folder {target} cannot be made ({error}): choose another.") from error
+        names = ("depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json")
+        for name in names:
+            self._write(target / name, colour, report)
+        return [target / name for name in names] + self._draw(target)
+
+    def _write(self, target: Path, colour: NDArray[np.uint8] | None, report: Mapping[str, Any] | None) -> None:
+        suffix = target.suffix.lower()
+        if suffix in (".npy", ".tif", ".tiff"):
+            images.write_depth(target, self.depth)
+        elif suffix == ".png":
+            pictures.depth_picture(target, self.depth)
+        elif suffix in (".ply", ".obj", ".stl", ".glb"):
+            mesh = self.mesh(colour)
+            with atomic_path(target) as temporary:
+                mesh.export(temporary)
+        elif suffix == ".json":
+            text = json.dumps({**self.report(), **(report or {})}, indent=2)
+            with atomic_path(target) as temporary:
+                temporary.write_text(text + "\n", encoding="utf-8")
+        else:
+            raise InputError(
+                f"{target.name!r} has no known suffix: use .npy, .tiff, .png, .ply, .obj, .stl, .glb or .json, "
+                "or a folder name without suffix for everything."
+            )
+
+    def _draw(self, folder: Path) -> list[Path]:
+        rendered = self.render()
+        pictures.normals_picture(folder / "normals.png", self.normals())
+        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, self.image)
+        images.write_grey(folder / "rendered.png", rendered)
+        pictures.comparison_picture(folder / "comparison.png", self.image, rendered)
+        pictures.convergence_picture(folder / "convergence.png", self.changes, self.parameters["tolerance"])
+        return [folder / f"{name}.png" for name in ("normals", "relief", "rendered", "comparison", "convergence")]

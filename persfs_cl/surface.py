@@ -1,0 +1,209 @@
+"""From a depth map to the surface it describes: points, normals and a triangle mesh.
+
+Everything is in camera axes, x right, y down, z forward, in the units of the depth. Pixels where the
+depth is NaN are not part of the surface.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.camera import Camera
+from persfs_cl.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+Array = NDArray[np.float64]
+
+
+def depth_array(depth: ArrayLike) -> Array:
+    """Depth map as a float64 array, checked.
+
+    Parameters
+    ----------
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, finite and > 0; NaN where there is no surface.
+
+    Returns
+    -------
+    ndarray of float64, shape (height, width)
+
+    Raises
+    ------
+    InputError
+        When the array is not two-dimensional, has no pixels, or holds an infinite, zero or negative depth.
+    """
+    z = np.asarray(depth, dtype=np.float64)
+    if z.ndim != 2 or z.size == 0:
+        raise InputError(f"depth has shape {z.shape}: give a (height, width) array with at least one pixel.")
+    wrong = ~np.isnan(z) & ~((z > 0) & (z < np.inf))
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise InputError(
+            f"depth[{row}, {column}]={z[row, column]} is not a distance in front of the camera "
+            f"({np.count_nonzero(wrong)} such pixels): give finite values > 0, NaN where there is no surface."
+        )
+    return z
+
+
+def points(depth: ArrayLike, camera: Camera) -> Array:
+    """Surface point of every pixel, z (x, y, 1).
+
+    Parameters
+    ----------
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    camera : Camera
+
+    Returns
+    -------
+    ndarray of float64, shape (height, width, 3)
+        Camera axes (x right, y down, z forward) in the units of ``depth``; NaN where ``depth`` is NaN.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map, see `depth_array`.
+    """
+    z = depth_array(depth)
+    height, width = z.shape
+    grid = camera.grid((height, width))
+    return np.stack([z * grid.x, z * grid.y, z], axis=-1)
+
+
+def log_depth_gradient(depth: ArrayLike, camera: Camera) -> tuple[Array, Array]:
+    """Slopes p = dZ/dx and q = dZ/dy of the log depth Z = ln z in normalised image coordinates.
+
+    Central differences; one-sided where one neighbour is NaN or outside the image; 0 along an axis on
+    which a pixel has no neighbour.
+
+    Parameters
+    ----------
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    camera : Camera
+
+    Returns
+    -------
+    p, q : ndarray of float64, shape (height, width)
+        NaN where ``depth`` is NaN.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map, see `depth_array`.
+    """
+    log_depth = np.log(depth_array(depth))
+    height, width = log_depth.shape
+    grid = camera.grid((height, width))
+    return _slope(log_depth, grid.dx), _slope(log_depth.T, grid.dy).T
+
+
+def _slope(values: Array, spacing: float) -> Array:
+    """Along rows, the mean of backward and forward difference, or whichever of the two exists."""
+    steps = np.diff(values, prepend=np.nan, append=np.nan)
+    backward, forward = steps[:, :-1], steps[:, 1:]
+    existing = np.isfinite(backward).astype(np.float64) + np.isfinite(forward)
+    slope = (np.nan_to_num(backward) + np.nan_to_num(forward)) / (spacing * np.maximum(existing, 1.0))
+    return np.where(np.isnan(values), np.nan, slope)
+
+
+def normals(depth: ArrayLike, camera: Camera) -> Array:
+    """Unit normal of every pixel, pointing to the camera: (p, q, -w) / S, with w = 1 + x p + y q, eq. (3).
+
+    Parameters
+    ----------
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    camera : Camera
+
+    Returns
+    -------
+    ndarray of float64, shape (height, width, 3)
+        Camera axes (x right, y down, z forward), so a surface that faces the camera squarely has
+        (0, 0, -1); NaN where ``depth`` is NaN. Slopes as in `log_depth_gradient`.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map, see `depth_array`.
+    """
+    p, q = log_depth_gradient(depth, camera)
+    height, width = p.shape
+    grid = camera.grid((height, width))
+    towards_camera = np.stack([p, q, -(1.0 + grid.x * p + grid.y * q)], axis=-1)
+    return np.asarray(towards_camera / np.linalg.norm(towards_camera, axis=-1, keepdims=True))
+
+
+def mesh(depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None) -> trimesh.Trimesh:
+    """Triangle mesh through the surface points of the finite pixels.
+
+    Four finite pixels of a square make two triangles, three make one; no face spans a NaN pixel. A
+    pixel with no such square (all of them in an image one pixel wide) is a vertex without a face.
+
+    Parameters
+    ----------
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    camera : Camera
+    colour : array_like of uint8, shape (height, width, 3) or (height, width), optional
+        RGB or grey colour of every pixel.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        Vertices in camera axes (x right, y down, z forward) in the units of ``depth``, one per finite
+        pixel in row-major order. Faces are wound so that their normals point to the camera.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map (see `depth_array`) or holds no finite pixel, or when
+        ``colour`` is not a uint8 image of the same size.
+    """
+    import trimesh
+
+    surface_points = points(depth, camera)
+    finite = np.isfinite(surface_points[..., 2])
+    if not finite.any():
+        raise InputError(f"depth of shape {finite.shape} is NaN everywhere: a mesh needs at least one finite pixel.")
+    return trimesh.Trimesh(
+        vertices=surface_points[finite],
+        faces=_faces(finite),
+        vertex_colors=None if colour is None else _rgb(colour, finite.shape)[finite],
+        process=False,
+    )
+
+
+def _faces(finite: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Triangles of every 2x2 square with at least three finite pixels, as indices of the finite pixels."""
+    vertex = np.where(finite, np.cumsum(finite).reshape(finite.shape) - 1, -1)
+    top_left, top_right = vertex[:-1, :-1], vertex[:-1, 1:]
+    bottom_left, bottom_right = vertex[1:, :-1], vertex[1:, 1:]
+    # The last two use the other diagonal, so each stands alone where the fourth pixel is missing.
+    always = np.ones(top_left.shape, dtype=bool)
+    triangles = []
+    for corners, wanted in (
+        ((top_left, bottom_left, top_right), always),
+        ((top_right, bottom_left, bottom_right), always),
+        ((top_left, bottom_left, bottom_right), top_right < 0),
+        ((top_left, bottom_right, top_right), bottom_left < 0),
+    ):
+        triangle = np.stack(corners, axis=-1)
+        triangles.append(triangle[(triangle >= 0).all(axis=-1) & wanted])
+    return np.concatenate(triangles)
+
+
+def _rgb(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Grey or RGB pixels as RGB."""
+    pixels = np.asarray(colour)
+    if pixels.dtype != np.uint8 or pixels.shape not in (shape, (*shape, 3)):
+        raise InputError(
+            f"colour has shape {pixels.shape} and type {pixels.dtype}: "
+            f"give uint8 pixels of shape {shape} or {(*shape, 3)}, the size of the depth."
+        )
+    return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=-1)

@@ -1,0 +1,79 @@
+"""Small random problems for the kernel tests: images, masks and known values without pattern."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from persfs_cl import Camera, Device, ParallelLight
+from persfs_cl._cl.launches import Sweeper
+from persfs_cl.reference import Reference
+from persfs_cl.solver import Problem, prepare
+
+
+def random_problem(
+    seed: int,
+    shape: tuple[int, int],
+    *,
+    surface: str = "away",
+    boundary: str = "outflow",
+    light: ParallelLight = ParallelLight(),
+    holes: float = 0.1,
+) -> Problem:
+    """An image of noise with holes in the mask and a few known depths."""
+    random = np.random.default_rng(seed)
+    image = random.uniform(0.2, 1.0, shape)
+    mask = random.uniform(size=shape) > holes
+    known = np.full(shape, np.nan)
+    row, column = shape[0] // 2, shape[1] // 2
+    known[row, column] = random.uniform(0.5, 2.0)
+    known[random.uniform(size=shape) > 0.97] = random.uniform(0.5, 2.0)
+    if mask.any() and not (mask & np.isnan(known)).any():
+        known[:] = np.nan
+        known[row, column] = 1.0
+    return prepare(
+        image,
+        Camera(focal_length=(1.1 * max(shape) + 3, 0.9 * max(shape) + 3)),
+        light=light,
+        mask=mask | (np.arange(shape[1]) < 2),
+        walls=None,
+        known_depth=known,
+        surface=surface,
+        boundary=boundary,
+        max_slope=30.0,
+    )
+
+
+def sweeper(problem: Problem, device: Device, precision: str, ordering: str, *, linear: bool = False) -> Sweeper:
+    """The problem on a device."""
+    boundary = problem.domain.boundary
+    return Sweeper(
+        device,
+        model="parallel_light",
+        scheme="lax_friedrichs",
+        ordering=ordering,
+        precision=precision,
+        log_depth=problem.start,
+        brightness=problem.brightness,
+        flags=problem.domain.flags,
+        parameters=problem.parameters,
+        cells=boundary.cells,
+        inwards=boundary.inwards,
+        edges=boundary.edges,
+        linear=linear,
+        lowest=0.0,
+    )
+
+
+def reference(problem: Problem, *, linear: bool = False) -> Reference:
+    """The problem in NumPy."""
+    return Reference(
+        log_depth=problem.start.copy(),
+        brightness=problem.brightness,
+        flags=problem.domain.flags,
+        boundary=problem.domain.boundary,
+        grid=problem.grid,
+        light=problem.light,
+        sign=problem.sign,
+        max_slope=problem.max_slope,
+        linear=linear,
+    )

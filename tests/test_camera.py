@@ -1,0 +1,276 @@
+"""The camera refuses the impossible, and every way to state it gives the same geometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import ExifTags, Image
+
+from persfs_cl.camera import Camera
+from persfs_cl.errors import CameraError, InputError
+from persfs_cl.images import read_image
+
+EXIF = {name: tag for tag, name in ExifTags.TAGS.items()}
+
+
+def photograph(path: Path, size: tuple[int, int], tags: Mapping[str, Any], orientation: int = 1) -> Path:
+    """A photo of (width, height) pixels as they lie in the file."""
+    exif = Image.Exif()
+    exif[EXIF["Orientation"]] = orientation
+    inner = exif.get_ifd(ExifTags.IFD.Exif)
+    for name, value in tags.items():
+        inner[EXIF[name]] = value
+    Image.new("L", size, 100).save(path, exif=exif)
+    return path
+
+
+def test_grid_places_the_pixel_centres_on_integers() -> None:
+    grid = Camera((100.0, 50.0), (2.0, 1.0)).grid((3, 4))
+    np.testing.assert_allclose(grid.x, [-0.02, -0.01, 0.0, 0.01], rtol=1e-15, atol=1e-17)
+    np.testing.assert_allclose(grid.y, [[-0.02], [0.0], [0.02]], rtol=1e-15, atol=1e-17)
+    assert (grid.dx, grid.dy) == (1 / 100, 1 / 50)
+    assert grid.x.dtype == grid.y.dtype == np.float64
+
+
+@pytest.mark.parametrize("shape", [(4, 6), (5, 7), (1, 1), (1, 9)])
+def test_the_principal_point_is_the_middle_when_left_out(shape: tuple[int, int]) -> None:
+    grid = Camera(80.0).grid(shape)
+    np.testing.assert_array_equal(grid.x, -grid.x[::-1])
+    np.testing.assert_array_equal(grid.y, -grid.y[::-1])
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        (590, 590.0),
+        (np.float32(2.5), 2.5),
+        ((3, 4), (3.0, 4.0)),
+        ([3.0, 4.0], (3.0, 4.0)),
+        (np.array([3.0, 4.0]), (3.0, 4.0)),
+    ],
+)
+def test_focal_lengths_of_any_numeric_kind_compare_and_hash_alike(given: Any, kept: Any) -> None:
+    camera = Camera(given, (1, 2))
+    assert camera == Camera(kept, (1.0, 2.0))
+    assert hash(camera) == hash(Camera(kept, (1.0, 2.0)))
+    assert (camera.fx, camera.fy) == (kept if isinstance(kept, tuple) else (kept, kept))
+
+
+@pytest.mark.parametrize(
+    "focal_length",
+    [
+        0,
+        -1.0,
+        math.nan,
+        math.inf,
+        "590",
+        None,
+        True,
+        (),
+        (1.0,) * 3,
+        (100.0, 0.0),
+        (1.0, math.nan),
+        [[1, 2]],
+        ([1], 2),
+    ],
+)
+def test_an_impossible_focal_length_is_refused_with_its_value(focal_length: Any) -> None:
+    with pytest.raises(CameraError, match=r"focal_length=.*give one finite number of pixels above 0") as caught:
+        Camera(focal_length)
+    assert repr(focal_length) in str(caught.value)
+
+
+@pytest.mark.parametrize("point", [(math.nan, 1.0), (1.0, math.inf), (1.0,), (1.0, 2.0, 3.0), 5.0, "ab", (None, 1)])
+def test_an_impossible_principal_point_is_refused_with_its_value(point: Any) -> None:
+    with pytest.raises(CameraError, match=r"principal_point=.*give two finite numbers") as caught:
+        Camera(100.0, point)
+    assert repr(point) in str(caught.value)
+
+
+@pytest.mark.parametrize("point", [(-7.0, 1.0), (13.0, 1.0), (1.0, -5.0), (1.0, 9.0)])
+def test_a_principal_point_far_outside_is_refused_with_the_image_shape(point: tuple[float, float]) -> None:
+    with pytest.raises(CameraError, match=r"principal_point=\(.*\(4, 6\).*resized"):
+        Camera(100.0, point).grid((4, 6))
+
+
+@pytest.mark.parametrize("point", [(-6.0, 0.0), (12.0, 0.0), (0.0, -4.0), (0.0, 8.0)])
+def test_a_principal_point_up_to_one_image_size_outside_is_taken(point: tuple[float, float]) -> None:
+    grid = Camera(1.0, point).grid((4, 6))
+    assert (grid.x[0], grid.y[0, 0]) == (-point[0], -point[1])
+
+
+@pytest.mark.parametrize("shape", [(4, 6, 3), (0, 5), (4,), (-1, 2), (2.5, 3), "ab", 7])
+def test_a_shape_that_is_no_image_is_refused(shape: Any) -> None:
+    with pytest.raises(InputError, match=r"Image shape .* give \(height, width\)"):
+        Camera(100.0).grid(shape)
+    with pytest.raises(InputError, match="Image shape"):
+        Camera.from_fov(60.0, shape)
+
+
+@pytest.mark.parametrize("angle", [1.0, 60.0, 90.0, 179.0])
+def test_from_fov_spans_the_angle_between_the_outer_edges(angle: float) -> None:
+    camera = Camera.from_fov(angle, (30, 40))
+    grid = camera.grid((30, 40))
+    left = math.atan(grid.x[0] - grid.dx / 2)
+    right = math.atan(grid.x[-1] + grid.dx / 2)
+    assert math.degrees(right - left) == pytest.approx(angle, rel=1e-12)
+    assert camera.fx == camera.fy
+
+
+def test_from_fov_keeps_the_principal_point() -> None:
+    assert Camera.from_fov(60.0, (30, 40), (3.0, 4.0)).principal_point == (3.0, 4.0)
+
+
+@pytest.mark.parametrize("angle", [0, -10.0, 180.0, 200.0, math.nan, math.inf, "60", None, (60.0, 40.0)])
+def test_an_impossible_field_of_view_is_refused(angle: Any) -> None:
+    with pytest.raises(CameraError, match=r"field of view of .* between 0 and 180"):
+        Camera.from_fov(angle, (30, 40))
+
+
+@pytest.mark.parametrize("factor", [0.5, 3.0, 0.1])
+def test_scaled_keeps_the_rays_through_the_outer_edges(factor: float) -> None:
+    def edges(camera: Camera, shape: tuple[int, int]) -> tuple[float, ...]:
+        grid = camera.grid(shape)
+        x, y = grid.x, grid.y[:, 0]
+        return x[0] - grid.dx / 2, x[-1] + grid.dx / 2, y[0] - grid.dy / 2, y[-1] + grid.dy / 2
+
+    small = (round(30 * factor), round(40 * factor))
+    for camera in (Camera((50.0, 60.0), (7.0, 11.0)), Camera(50.0)):
+        assert edges(camera.scaled(factor), small) == pytest.approx(edges(camera, (30, 40)), rel=1e-12)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, math.nan, math.inf])
+def test_an_impossible_scale_is_refused(factor: float) -> None:
+    with pytest.raises(InputError, match="factor="):
+        Camera(50.0).scaled(factor)
+
+
+def test_from_matrix_reads_the_four_parameters() -> None:
+    matrix = np.array([[590, 0, 270.5], [0, 600, 260], [0, 0, 1]])
+    assert Camera.from_matrix(matrix) == Camera((590.0, 600.0), (270.5, 260.0))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "reason"),
+    [
+        (np.eye(4), "3×3"),
+        (np.ones(9), "3×3"),
+        ([[1, 0], [0]], "3×3"),
+        ([["a", 0, 0], [0, 1, 0], [0, 0, 1]], "3×3"),
+        ([[math.nan, 0, 0], [0, 1, 0], [0, 0, 1]], "3×3 finite"),
+        ([[100, 0.1, 0], [0, 100, 0], [0, 0, 1]], "skew"),
+        ([[100, 0, 0], [5, 100, 0], [0, 0, 1]], "skew"),
+        ([[200, 0, 0], [0, 200, 0], [0, 0, 2]], r"divide it by K\[2, 2\]"),
+        ([[-100, 0, 0], [0, 100, 0], [0, 0, 1]], "focal_length"),
+        ([[100, 0, 0], [0, 0, 0], [0, 0, 1]], "focal_length"),
+    ],
+)
+def test_an_impossible_matrix_is_refused(matrix: Any, reason: str) -> None:
+    with pytest.raises(CameraError, match=reason):
+        Camera.from_matrix(matrix)
+
+
+def test_a_skew_within_rounding_is_taken() -> None:
+    assert Camera.from_matrix(np.array([[1e3, 1e-5, 5], [0, 1e3, 5], [0, 0, 1]])).fx == 1e3
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_35_mm_equivalent_is_one_of_diagonals_however_the_camera_was_held(
+    tmp_path: Path, suffix: str, orientation: int
+) -> None:
+    path = photograph(tmp_path / f"a{suffix}", (40, 30), {"FocalLengthIn35mmFilm": 26}, orientation)
+    camera = Camera.from_exif(path)
+    shape = read_image(path).shape
+    assert shape == ((40, 30) if orientation > 4 else (30, 40))
+    grid = camera.grid((shape[0], shape[1]))
+    # From corner to corner, the angle is that of a 26 mm lens on 36 mm × 24 mm film.
+    corner = math.hypot(grid.x[-1] + grid.dx / 2, grid.y[-1, 0] + grid.dy / 2)
+    assert corner == pytest.approx(math.hypot(18, 12) / 26, rel=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "millimetres"), [(None, 25.4), (2, 25.4), (3, 10.0), (4, 1.0), (5, 0.001)])
+def test_exif_focal_length_with_the_resolution_of_the_sensor(
+    tmp_path: Path, unit: int | None, millimetres: float
+) -> None:
+    tags = {"FocalLength": 4.25, "FocalPlaneXResolution": 800 * millimetres}
+    if unit is not None:
+        tags["FocalPlaneResolutionUnit"] = unit
+    camera = Camera.from_exif(photograph(tmp_path / "a.jpg", (40, 30), tags))
+    assert camera.fx == camera.fy == pytest.approx(4.25 * 800, rel=1e-6)
+    assert camera.principal_point is None
+
+
+def test_exif_follows_a_photo_that_was_resized_and_turned_since(tmp_path: Path) -> None:
+    taken = {"ExifImageWidth": 4000, "ExifImageHeight": 3000}
+    sensor = {"FocalLength": 4.0, "FocalPlaneXResolution": 1000.0, "FocalPlaneResolutionUnit": 4}
+    camera = Camera.from_exif(photograph(tmp_path / "a.jpg", (30, 40), {**taken, **sensor}))
+    assert camera.fx == pytest.approx(40.0)
+
+
+def test_exif_of_a_cropped_photo_is_refused(tmp_path: Path) -> None:
+    tags = {"ExifImageWidth": 400, "ExifImageHeight": 300, "FocalLengthIn35mmFilm": 50}
+    with pytest.raises(CameraError, match=r"40×40 pixels but was taken with 400×300: it was cropped.*--fov"):
+        Camera.from_exif(photograph(tmp_path / "a.jpg", (40, 40), tags))
+
+
+@pytest.mark.parametrize(
+    ("tags", "missing"),
+    [
+        ({}, "FocalLengthIn35mmFilm and FocalLength:"),
+        ({"FocalLengthIn35mmFilm": 0}, "FocalLengthIn35mmFilm and FocalLength:"),
+        ({"FocalLength": 35.0}, "FocalPlaneXResolution"),
+        ({"FocalLength": 0.0, "FocalPlaneXResolution": 100.0}, "FocalLength:"),
+        ({"FocalLength": 35.0, "FocalPlaneXResolution": 0.0}, "FocalPlaneXResolution"),
+        (
+            {"FocalLength": 35.0, "FocalPlaneXResolution": 100.0, "FocalPlaneResolutionUnit": 1},
+            "FocalPlaneResolutionUnit",
+        ),
+    ],
+)
+def test_exif_that_does_not_say_is_refused_with_what_is_missing(
+    tmp_path: Path, tags: dict[str, Any], missing: str
+) -> None:
+    path = photograph(tmp_path / "a.jpg", (40, 30), tags)
+    with pytest.raises(CameraError, match=rf"EXIF data of .*a\.jpg lack .*{missing}.*--focal-length.*--fov"):
+        Camera.from_exif(path)
+
+
+def test_a_photo_without_exif_is_refused(tmp_path: Path) -> None:
+    Image.new("RGB", (4, 3)).save(tmp_path / "a.png")
+    with pytest.raises(CameraError, match="FocalLengthIn35mmFilm"):
+        Camera.from_exif(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_exif_of_a_tiff_is_read_whatever_its_samples(tmp_path: Path, dtype: type) -> None:
+    path = tmp_path / "a.tiff"
+    # A private tag becomes the pointer to EXIF's own directory, spelt out byte by byte behind the image.
+    tifffile.imwrite(path, np.zeros((30, 40, 3), dtype), photometric="rgb", extratags=[(65000, "I", 1, 0, True)])
+    with tifffile.TiffFile(path) as tiff:
+        tag = tiff.pages.first.tags[65000]
+    data = bytearray(path.read_bytes())
+    data[tag.offset : tag.offset + 2] = (34665).to_bytes(2, "little")
+    data[tag.valueoffset : tag.valueoffset + 4] = len(data).to_bytes(4, "little")
+    entry = b"".join(number.to_bytes(size, "little") for number, size in ((0xA405, 2), (3, 2), (1, 4), (26, 4)))
+    path.write_bytes(bytes(data) + (1).to_bytes(2, "little") + entry + bytes(4))
+    assert Camera.from_exif(path).fx == pytest.approx(26 * 50 / math.hypot(36, 24))
+
+
+def test_exif_of_an_unreadable_file_is_an_input_error(tmp_path: Path) -> None:
+    (tmp_path / "text.jpg").write_text("this is no photo")
+    (tmp_path / "text.tiff").write_bytes(b"II*\0 no directory here")
+    with pytest.raises(InputError, match="does not exist"):
+        Camera.from_exif(tmp_path / "missing.jpg")
+    with pytest.raises(InputError, match="is a folder"):
+        Camera.from_exif(tmp_path)
+    with pytest.raises(InputError, match=r"text\.jpg cannot be read as a PNG, JPEG or TIFF photo"):
+        Camera.from_exif(tmp_path / "text.jpg")
+    with pytest.raises(InputError, match=r"text\.tiff cannot be read as a PNG, JPEG or TIFF photo"):
+        Camera.from_exif(tmp_path / "text.tiff")

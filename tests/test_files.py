@@ -1,0 +1,151 @@
+"""Files are read whole and written whole, and a refusal says why and what to do."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from persfs_cl.errors import InputError
+from persfs_cl.files import atomic_path, read_bytes
+
+
+def test_the_target_appears_only_when_the_block_ends(tmp_path: Path) -> None:
+    target = tmp_path / "depth.tiff"
+    with atomic_path(target) as temporary:
+        assert temporary.parent == tmp_path
+        assert temporary.suffix == ".tiff"
+        temporary.write_text("new")
+        assert not target.exists()
+    assert target.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), ValueError("no"), OSError("no")])
+def test_a_failure_keeps_the_old_file_and_leaves_nothing_behind(tmp_path: Path, failure: BaseException) -> None:
+    target = tmp_path / "depth.npy"
+    target.write_text("old")
+
+    def write() -> None:
+        with atomic_path(target) as temporary:
+            temporary.write_text("half")
+            raise failure
+
+    with pytest.raises(InputError if isinstance(failure, OSError) else type(failure)):
+        write()
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_an_error_before_anything_was_written_is_reported_as_it_is(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), atomic_path(tmp_path / "a.png"):
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_permissions_follow_the_umask(tmp_path: Path, mask: int) -> None:
+    target = tmp_path / "depth.npy"
+    before = os.umask(mask)
+    try:
+        with atomic_path(target) as temporary:
+            temporary.write_text("x")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(target.stat().st_mode) == 0o666 & ~mask
+
+
+def test_a_symbolic_link_stays_a_link(tmp_path: Path) -> None:
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    (tmp_path / "link.npy").symlink_to(folder / "real.npy")
+    with atomic_path(tmp_path / "link.npy") as temporary:
+        temporary.write_text("x")
+    assert (tmp_path / "link.npy").is_symlink()
+    assert (folder / "real.npy").read_text() == "x"
+
+
+def test_a_relative_name_is_taken_from_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with atomic_path("a.txt") as temporary:
+        temporary.write_text("x")
+    assert (tmp_path / "a.txt").read_text() == "x"
+
+
+def write_to(target: Path) -> None:
+    with atomic_path(target) as temporary:
+        temporary.write_text("x")
+
+
+def test_a_missing_folder_is_named_with_the_remedy(tmp_path: Path) -> None:
+    target = tmp_path / "missing" / "a.npy"
+    with pytest.raises(InputError, match=r"a\.npy cannot be written: No such file.*Create the folder first"):
+        write_to(target)
+
+
+@pytest.mark.parametrize("inside", ["a.npy", "deeper/a.npy"])
+def test_a_folder_that_is_a_file_is_named_with_the_remedy(tmp_path: Path, inside: str) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match=r"a\.npy cannot be written: Not a directory.*is a file, not a folder"):
+        write_to(tmp_path / "file" / inside)
+
+
+def test_a_name_that_is_too_long_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"File name too long.*shorter name"):
+        write_to(tmp_path / ("a" * 300 + ".npy"))
+
+
+def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "folder.npy"
+    target.mkdir()
+    with pytest.raises(InputError, match=r"folder\.npy is not a regular file"):
+        write_to(target)
+    assert target.is_dir()
+
+
+def test_a_device_is_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="pipe is not a regular file"):
+        write_to(pipe)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_disk_is_named_with_the_remedy(tmp_path: Path) -> None:
+    def write() -> None:
+        with atomic_path(tmp_path / "a.npy") as temporary:
+            temporary.symlink_to("/dev/full")
+            temporary.write_text("x")
+
+    with pytest.raises(InputError, match=r"a\.npy cannot be written: No space left on device\. Free some space"):
+        write()
+    assert not list(tmp_path.iterdir())
+    assert Path("/dev/full").is_char_device()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_write_permission_is_named_with_the_remedy(tmp_path: Path) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    with pytest.raises(InputError, match=r"Permission denied.*may write to"):
+        write_to(folder / "a.npy")
+
+
+def test_read_bytes_gives_the_whole_file(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"\0\1\2")
+    assert read_bytes(tmp_path / "a") == b"\0\1\2"
+
+
+def test_read_bytes_says_why_it_cannot(tmp_path: Path) -> None:
+    (tmp_path / "empty.png").touch()
+    with pytest.raises(InputError, match=r"missing\.png does not exist: check the spelling"):
+        read_bytes(tmp_path / "missing.png")
+    with pytest.raises(InputError, match="is a folder: name a file in it"):
+        read_bytes(tmp_path)
+    with pytest.raises(InputError, match=r"empty\.png is empty \(0 bytes\)"):
+        read_bytes(tmp_path / "empty.png")
+    with pytest.raises(InputError, match=r"cannot be read: Not a directory"):
+        read_bytes(tmp_path / "empty.png" / "a.png")

@@ -1,0 +1,161 @@
+"""Every kernel against its plain NumPy twin, and the orderings against each other, on every device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from problems import random_problem, reference, sweeper
+
+from persfs_cl import Device, ParallelLight
+from persfs_cl._cl.launches import DIRECTIONS
+from persfs_cl.reference import hamiltonian
+
+SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
+TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
+OBLIQUE = ParallelLight(0.3, -0.2)
+
+both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
+
+
+def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str) -> None:
+    """Equal up to rounding of values as large as the start value, which is large."""
+    scale = np.maximum(1.0, np.abs(expected))
+    np.testing.assert_array_less(np.abs(device_values - expected) / scale, TOLERANCE[precision])
+
+
+@both_ways
+@pytest.mark.parametrize("light", [ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
+@pytest.mark.parametrize("direction", range(4))
+@pytest.mark.parametrize("shape", [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)])
+def test_one_sweep_equals_the_twin(
+    device: Device, precision: str, shape: tuple[int, int], direction: int, light: ParallelLight, surface: str
+) -> None:
+    problem = random_problem(7, shape, surface=surface, light=light, boundary="wall")
+    twin, kernel = reference(problem), sweeper(problem, device, precision, "wavefront")
+    kernel.sweep(direction, *DIRECTIONS[direction])
+    twin.sweep(*DIRECTIONS[direction])
+    assert_close(kernel.log_depth(), twin.log_depth, precision)
+    assert (kernel.log_depth() < problem.start).any(), "something must have moved"
+
+
+@both_ways
+def test_one_checkerboard_sweep_equals_the_twin(device: Device, precision: str, surface: str) -> None:
+    problem = random_problem(3, (23, 38), surface=surface, light=OBLIQUE)
+    twin, kernel = reference(problem), sweeper(problem, device, precision, "checkerboard")
+    for number in range(2):
+        kernel.sweep(number, 0, 0)
+        twin.sweep_colour(number)
+        twin.sweep_colour(1 - number)
+        assert_close(kernel.log_depth(), twin.log_depth, precision)
+
+
+@pytest.mark.parametrize("boundary", ["outflow", "extrapolate"])
+@pytest.mark.parametrize("shape", [(3, 3), (3, 12), (26, 17)])
+def test_boundary_renewal_equals_the_twin(
+    device: Device, precision: str, shape: tuple[int, int], boundary: str
+) -> None:
+    problem = random_problem(11, shape, boundary=boundary, holes=0.05)
+    values = np.random.default_rng(5).uniform(0.0, 1.0, shape)
+    values.ravel()[problem.domain.boundary.cells] += 1.0
+    linear = boundary == "extrapolate"
+    twin, kernel = reference(problem, linear=linear), None
+    twin.log_depth = values.copy()
+    object.__setattr__(problem, "start", values)
+    kernel = sweeper(problem, device, precision, "wavefront", linear=linear)
+    kernel.renew_boundary()
+    twin.renew_boundary()
+    assert_close(kernel.log_depth(), twin.log_depth, precision)
+    if len(problem.domain.boundary.cells):
+        assert (twin.log_depth != values).any()
+
+
+@pytest.mark.parametrize("ordering", ["lexicographic", "wavefront"])
+def test_iterations_equal_the_twin(device: Device, precision: str, ordering: str) -> None:
+    problem = random_problem(2, (28, 35), light=OBLIQUE)
+    twin, kernel = reference(problem), sweeper(problem, device, precision, ordering)
+    for _ in range(12):
+        change, expected = kernel.iterate(), twin.iterate()
+    assert_close(kernel.log_depth(), twin.log_depth, precision)
+    assert change == pytest.approx(expected, rel=1e-2 if precision == "float32" else 1e-9)
+
+
+@both_ways
+@pytest.mark.parametrize("shape", SIZES)
+def test_wavefront_gives_the_bits_of_lexicographic(
+    device: Device, precision: str, shape: tuple[int, int], surface: str
+) -> None:
+    for seed in range(3):
+        boundary = ("outflow", "wall", "extrapolate")[seed]
+        light = (ParallelLight(), OBLIQUE, ParallelLight(-0.5, 0.1))[seed]
+        problem = random_problem(seed, shape, surface=surface, light=light, boundary=boundary)
+        linear = boundary == "extrapolate"
+        one = sweeper(problem, device, precision, "lexicographic", linear=linear)
+        other = sweeper(problem, device, precision, "wavefront", linear=linear)
+        for number, direction in enumerate(DIRECTIONS * 2):
+            for kernel in (one, other):
+                kernel.sweep(number % 4, *direction)
+                kernel.renew_boundary()
+            np.testing.assert_array_equal(one.log_depth(), other.log_depth())
+
+
+@pytest.mark.parametrize("ordering", ["lexicographic", "wavefront", "checkerboard"])
+@pytest.mark.parametrize("boundary", ["outflow", "extrapolate", "wall"])
+def test_values_never_rise(device: Device, precision: str, ordering: str, boundary: str) -> None:
+    problem = random_problem(4, (33, 47), boundary=boundary)
+    kernel = sweeper(problem, device, precision, ordering, linear=boundary == "extrapolate")
+    before = kernel.log_depth()
+    for number, direction in enumerate(DIRECTIONS * 4):
+        kernel.sweep(number % 4, *direction)
+        swept = kernel.log_depth()
+        assert (swept <= before).all()
+        kernel.renew_boundary()
+        after = kernel.log_depth()
+        assert (after <= swept).all()
+        assert (after < before).any() or number > 8
+        before = after
+
+
+@both_ways
+def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, precision: str, surface: str) -> None:
+    # State constraints keep the scheme monotone; eq. (12) does not, and its limit may depend on the order of the cells.
+    problem = random_problem(8, (40, 45), surface=surface, light=OBLIQUE, boundary="wall")
+    limits = []
+    for ordering in ("wavefront", "checkerboard"):
+        kernel = sweeper(problem, device, precision, ordering)
+        change = np.inf
+        for _ in range(3000):
+            if (change := kernel.iterate()) == 0.0:
+                break
+        assert change <= (2e-7 if precision == "float32" else 1e-15)
+        limits.append(kernel.log_depth())
+    np.testing.assert_allclose(limits[0], limits[1], atol=1e-4 if precision == "float32" else 1e-11)
+
+
+@pytest.mark.parametrize("light", [ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
+def test_least_slope_is_where_the_hamiltonian_is_least(light: ParallelLight) -> None:
+    problem = random_problem(1, (5, 5), light=light)
+    slopes = np.linspace(-30.0, 30.0, 600_001)
+    for brightness, q, x, y in ((0.9, 0.2, 0.3, -0.1), (0.5, -1.5, -0.4, 0.2), (0.35, 0.0, 0.5, 0.5)):
+        values = hamiltonian(np.array(brightness), slopes, np.array(q), np.array(x), np.array(y), light)
+        least = reference(problem)._least_slope(np.array(brightness), np.array(q), np.array(x), np.array(y), light.p0)
+        assert least == pytest.approx(slopes[values.argmin()], abs=2e-4)
+
+
+def test_change_is_the_largest_over_the_iteration(device: Device, precision: str) -> None:
+    problem = random_problem(6, (61, 83))
+    kernel = sweeper(problem, device, precision, "wavefront")
+    before = kernel.log_depth()
+    for _ in range(4):
+        change = kernel.iterate()
+        after = kernel.log_depth()
+        assert change == pytest.approx(float((before - after).max()), rel=1e-6)
+        before = after
+
+
+def test_known_values_stay(device: Device, precision: str) -> None:
+    problem = random_problem(9, (20, 20))
+    kernel = sweeper(problem, device, precision, "checkerboard")
+    for _ in range(5):
+        kernel.iterate()
+    known = problem.domain.known
+    np.testing.assert_array_equal(kernel.log_depth()[known], problem.start[known].astype(precision))

@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import imageio.v3
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from persfs_cl import pictures
+from persfs_cl.camera import Camera
+from persfs_cl.errors import InputError
+from persfs_cl.surface import normals
+
+Array = NDArray[np.float64]
+Draw = Callable[[Path, Array], None]
+# Any: the axes and artists found in a figure are narrower than its stubs say.
+Drawn = list[Any]
+
+CAMERA = Camera(focal_length=(60.0, 50.0))
+NO_SURFACE = (224, 224, 224)
+
+DRAW: dict[str, Draw] = {
+    "depth": pictures.depth_picture,
+    "normals": lambda path, depth: pictures.normals_picture(path, normals(depth, CAMERA)),
+    "relief": lambda path, depth: pictures.relief_picture(path, depth, CAMERA),
+    "textured relief": lambda path, depth: pictures.relief_picture(path, depth, CAMERA, np.full(depth.shape, 0.4)),
+    "comparison": lambda path, depth: pictures.comparison_picture(path, depth / 4, depth / 5),
+}
+HISTORY = [2.0, 0.3, 0.02, 0.0]
+
+
+def a_bump(shape: tuple[int, int] = (24, 37)) -> Array:
+    height, width = shape
+    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
+    return np.asarray(3.0 - np.exp(-3 * (x**2 + y**2)))
+
+
+def a_holed_bump() -> Array:
+    depth = a_bump()
+    depth[4:9, 5:20] = np.nan
+    return depth
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
+    """The figures that were saved, so that a test can read what they say."""
+    figures: Drawn = []
+    save = Figure.savefig
+
+    def remember(figure: Figure, *arguments: Any, **keywords: Any) -> None:
+        figures.append(figure)
+        save(figure, *arguments, **keywords)
+
+    monkeypatch.setattr(Figure, "savefig", remember)
+    return figures
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_a_picture_is_one_png_file_and_the_same_every_time(name: str, tmp_path: Path) -> None:
+    depth = a_holed_bump()
+    for file in ("one.png", "two.png"):
+        DRAW[name](tmp_path / file, depth)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.png", "two.png"]
+    data = (tmp_path / "one.png").read_bytes()
+    assert data.startswith(b"\x89PNG")
+    assert data == (tmp_path / "two.png").read_bytes()
+    pixels = imageio.v3.imread(tmp_path / "one.png")[..., :3]
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 100
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_a_flat_surface_can_be_drawn(name: str, tmp_path: Path) -> None:
+    DRAW[name](tmp_path / "picture.png", np.full((4, 6), 2.0))
+    assert imageio.v3.imread(tmp_path / "picture.png").size
+
+
+@pytest.mark.parametrize("shape", [(9, 1), (1, 1), (2, 60)])
+@pytest.mark.parametrize("name", DRAW)
+def test_slender_images_can_be_drawn(name: str, shape: tuple[int, int], tmp_path: Path) -> None:
+    depth = np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape)
+    DRAW[name](tmp_path / "picture.png", depth)
+    assert imageio.v3.imread(tmp_path / "picture.png").size
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_a_depth_that_is_nan_everywhere_is_refused_and_leaves_no_file(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        DRAW[name](tmp_path / "picture.png", np.full((5, 6), np.nan))
+    assert not list(tmp_path.iterdir())
+
+
+def test_depth_shows_holes_in_light_grey_and_near_in_bright(tmp_path: Path, drawn: Drawn) -> None:
+    pictures.depth_picture(tmp_path / "holed.png", a_holed_bump(), "A bump", unit="mm")
+    pictures.depth_picture(tmp_path / "whole.png", a_bump())
+    holed, whole = (
+        (imageio.v3.imread(tmp_path / f"{name}.png")[..., :3] == NO_SURFACE).all(axis=-1).sum()
+        for name in ("holed", "whole")
+    )
+    image = drawn[0].axes[0].images[0]
+    shown = image.get_window_extent()
+    assert holed == pytest.approx(shown.width * shown.height * (5 * 15) / (24 * 37), rel=0.1)
+    assert whole < holed / 100
+
+    near, far = image.cmap(image.norm(2.0)), image.cmap(image.norm(3.0))
+    assert sum(near[:3]) > sum(far[:3])
+    axes, bar = drawn[0].axes
+    assert axes.get_title() == "A bump"
+    assert bar.get_ylabel() == "depth (mm)"
+    assert drawn[1].axes[1].get_ylabel() == "depth (units of the known values)"
+
+
+def test_normals_are_coded_right_up_and_towards_the_camera(tmp_path: Path) -> None:
+    right, up, camera, missing = (1, 0, 0), (0, -1, 0), (0, 0, -1), (np.nan,) * 3
+    pictures.normals_picture(tmp_path / "normals.png", np.array([[right, up], [camera, missing], [right, up]]))
+    pixels = imageio.v3.imread(tmp_path / "normals.png")
+    assert pixels.shape == (3, 2, 3)
+    assert pixels[:2].tolist() == [
+        [[255, 128, 128], [128, 255, 128]],
+        [[128, 128, 255], [128, 128, 128]],
+    ]
+
+
+def test_normals_that_are_not_vectors_are_refused() -> None:
+    with pytest.raises(InputError, match=r"normals has shape \(4, 5\)"):
+        pictures.normals_rgb(np.zeros((4, 5)))
+
+
+def test_relief_has_one_scale_on_all_axes_and_the_near_side_up(tmp_path: Path, drawn: Drawn) -> None:
+    pictures.relief_picture(tmp_path / "relief.png", a_bump(), CAMERA, np.full((24, 37), 0.5))
+    assert len(drawn[0].axes) == 2
+    for axes in drawn[0].axes:
+        (left, right), (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
+        assert left < right
+        assert low > high
+        assert bottom > top
+        assert (top, bottom) == pytest.approx((a_bump().min(), a_bump().max()))
+        sides = np.array([right - left, low - high, bottom - top])
+        np.testing.assert_allclose(axes._box_aspect / sides, (axes._box_aspect / sides)[0])
+
+
+def test_relief_draws_a_large_photograph_with_few_samples(tmp_path: Path, drawn: Drawn) -> None:
+    depth = np.full((500, 900), np.nan)
+    depth[100:350, 200:700] = a_bump((250, 500))
+    pictures.relief_picture(tmp_path / "relief.png", depth, CAMERA)
+    (solid,) = drawn[0].axes[0].collections
+    assert 80 * 160 < len(solid.get_facecolor()) <= 200 * 200
+
+
+def test_relief_wears_the_photograph(tmp_path: Path, drawn: Drawn) -> None:
+    grey = np.tile(np.linspace(0.0, 1.0, 37), (24, 1))
+    pictures.relief_picture(tmp_path / "relief.png", np.full((24, 37), 2.0), CAMERA, grey)
+    faces = drawn[0].axes[0].collections[0].get_facecolor()
+    np.testing.assert_allclose(np.unique(faces[:, 0]), np.unique((grey[0, 1:] + grey[0, :-1]) / 2), atol=1e-12)
+
+
+def test_relief_refuses_an_image_of_another_size(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"image has shape \(3, 4\)"):
+        pictures.relief_picture(tmp_path / "relief.png", a_bump(), CAMERA, np.ones((3, 4)))
+
+
+def test_comparison_reports_errors_in_grey_levels_of_shared_pixels(tmp_path: Path, drawn: Drawn) -> None:
+    photo = np.full((4, 8), 1.0)
+    rendered = np.full((4, 8), 1.0)
+    rendered[:2] = 0.5
+    rendered[0, 0] = np.nan
+    rendered[3] = -2.0
+    photo[3] = 0.0
+    pictures.comparison_picture(tmp_path / "comparison.png", photo, rendered, white=2.0)
+    mean, root_mean_square = 63.75 * 15 / 31, 63.75 * np.sqrt(15 / 31)
+    titles = [axes.get_title() for axes in drawn[0].axes]
+    assert titles[:2] == ["Photograph", "Re-rendered"]
+    assert titles[2].endswith(f"ME {mean:.2f}, RS {root_mean_square:.2f}")
+    difference = np.ma.filled(drawn[0].axes[2].images[0].get_array(), np.nan)
+    np.testing.assert_allclose(difference[1:3], [[-63.75] * 8, [0.0] * 8])
+    assert np.isnan(difference[0, 0])
+
+
+@pytest.mark.parametrize("shapes", [((3, 4), (4, 3)), ((3,), (3,)), ((3, 4, 3), (3, 4, 3))])
+def test_comparison_refuses_images_that_do_not_fit(shapes: tuple[tuple[int, ...], ...], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="shape"):
+        pictures.comparison_picture(tmp_path / "comparison.png", np.ones(shapes[0]), np.ones(shapes[1]))
+
+
+@pytest.mark.parametrize("white", [0.0, -1.0, np.inf, np.nan])
+def test_comparison_refuses_a_white_that_is_none(white: float, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="white="):
+        pictures.comparison_picture(tmp_path / "comparison.png", a_bump(), a_bump(), white=white)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 0.0])
+def test_convergence_is_logarithmic_and_shows_a_change_of_zero(tolerance: float, tmp_path: Path, drawn: Drawn) -> None:
+    pictures.convergence_picture(tmp_path / "convergence.png", HISTORY, tolerance)
+    axes = drawn[0].axes[0]
+    assert axes.get_yscale() == "log"
+    curve = axes.lines[0]
+    assert curve.get_xdata().tolist() == [1, 2, 3]
+    assert curve.get_ydata().tolist() == HISTORY[:3]
+    assert axes.lines[-1].get_xdata().tolist() == [4]
+    levels = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == "--"]
+    assert levels == ([tolerance] if tolerance else [])
+    assert axes.get_ylim()[0] < min(level for level in (*HISTORY, tolerance) if level > 0)
+
+
+def test_convergence_can_be_drawn_when_nothing_ever_changed(tmp_path: Path) -> None:
+    pictures.convergence_picture(tmp_path / "convergence.png", [0.0], 0.0)
+    assert imageio.v3.imread(tmp_path / "convergence.png").size
+
+
+@pytest.mark.parametrize("changes", [[], [1.0, -1.0], [np.nan], [np.inf], [[1.0]]])
+def test_convergence_refuses_what_is_no_history(changes: list[Any], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="changes="):
+        pictures.convergence_picture(tmp_path / "convergence.png", changes, 1e-4)
+
+
+@pytest.mark.parametrize("tolerance", [-1.0, np.nan, np.inf])
+def test_convergence_refuses_an_impossible_tolerance(tolerance: float, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="tolerance="):
+        pictures.convergence_picture(tmp_path / "convergence.png", HISTORY, tolerance)
+
+
+def test_pictures_drawn_in_threads_are_the_same(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(len(DRAW)) as pool:
+        started = [pool.submit(draw, tmp_path / f"{name}.png", a_bump()) for name, draw in DRAW.items()]
+        for drawing in started:
+            drawing.result()
+    for name, draw in DRAW.items():
+        draw(tmp_path / "alone.png", a_bump())
+        assert (tmp_path / f"{name}.png").read_bytes() == (tmp_path / "alone.png").read_bytes()
+
+
+def test_drawing_needs_neither_pyplot_nor_a_backend(tmp_path: Path) -> None:
+    code = (
+        "import sys; from persfs_cl import pictures, surface, camera\n"
+        "assert not {'matplotlib', 'trimesh', 'imageio'} & sys.modules.keys()\n"
+        f"pictures.relief_picture({str(tmp_path / 'a.png')!r}, [[2.0, 2.1], [2.2, 2.1]], camera.Camera(9.0))\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env={"MPLBACKEND": "tkagg"})

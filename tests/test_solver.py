@@ -1,0 +1,328 @@
+"""Reconstruction as a user calls it: exact scenes, invariances, boundary modes, masks, options, bad input."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import persfs_cl as ps
+from persfs_cl.scenes import Scene
+
+ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
+
+
+def solve(scene: Scene, **keywords: Any) -> ps.Solution:
+    return ps.reconstruct(
+        scene.image,
+        scene.camera,
+        **{"light": scene.light, "known_depth": scene.known_depth, "surface": scene.surface, **keywords},
+    )
+
+
+def error_of(scene: Scene, **keywords: Any) -> float:
+    solution = solve(scene, tolerance=1e-8, precision="float64", ordering="checkerboard", **keywords)
+    assert solution.status is ps.Status.CONVERGED
+    return ps.compare(solution.depth, scene.depth).mean
+
+
+@pytest.mark.parametrize("ordering", ORDERINGS)
+def test_vase_is_at_least_as_good_as_the_paper_says(device: ps.Device, precision: str, ordering: str) -> None:
+    scene = ps.vase()
+    solution = solve(scene, ordering=ordering, device=device, precision=precision, max_iterations=30, tolerance=0.0)
+    errors = ps.compare(solution.depth - 1.0, scene.depth - 1.0, align="range")
+    assert errors.mean <= 0.019, "the paper has 0.0272"
+    assert errors.root_mean_square <= 0.037, "the paper has 0.0559"
+    assert solution.iterations == 30
+
+
+@pytest.mark.parametrize(
+    ("make", "light"),
+    [
+        (ps.bump, ps.ParallelLight()),
+        (ps.bump, ps.ParallelLight(0.15, -0.1)),
+        (ps.bumps, ps.ParallelLight()),
+        (ps.sphere_cap, ps.ParallelLight()),
+    ],
+    ids=["bump", "bump, oblique", "bumps", "sphere cap"],
+)
+@pytest.mark.parametrize("surface", ["away", "toward"])
+def test_error_falls_with_the_grid(make: Any, surface: str, light: ps.ParallelLight) -> None:
+    """The scheme is first order, but only about of order one half as long as singular points dominate the error."""
+    coarse, fine = (
+        error_of(make(shape=(size, size), light=light, surface=surface, orientation=20.0)) for size in (40, 120)
+    )
+    assert fine < 0.75 * coarse
+    assert fine < 0.012
+
+
+def test_a_bump_grows_from_its_singular_point() -> None:
+    errors = [error_of(ps.bump(shape=(size, size)).seeded(), boundary="outflow") for size in (24, 72)]
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [np.fliplr, np.flipud, np.transpose],
+    ids=["mirror", "upside down", "transpose"],
+)
+def test_turning_the_photograph_turns_the_surface(turn: Any) -> None:
+    scene = ps.bump(shape=(37, 50))
+    solution = solve(scene, tolerance=0.0, precision="float64")
+    camera = ps.Camera(focal_length=50.0)
+    turned = ps.reconstruct(
+        turn(scene.image), camera, known_depth=turn(scene.known_depth), tolerance=0.0, precision="float64"
+    )
+    np.testing.assert_allclose(turned.depth, turn(solution.depth), rtol=1e-11)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 550.0])
+def test_depth_scales_with_the_known_values(scale: float) -> None:
+    scene = ps.bump(shape=(41, 41))
+    one, other = solve(scene), solve(scene, known_depth=scale * scene.known_depth)
+    np.testing.assert_allclose(other.depth, scale * one.depth, rtol=1e-6)
+    np.testing.assert_array_equal(one.changes, other.changes)
+
+
+def test_toward_is_the_reverse_of_away_for_the_same_shading() -> None:
+    away, toward = (ps.bump(shape=(64, 64), surface=surface) for surface in ("away", "toward"))
+    assert error_of(toward) < 0.02
+    assert error_of(away) < 0.02
+    wrong = solve(toward, surface="away")
+    assert wrong.depth.max() > 1.05, "the concave and the convex reading of one photograph"
+
+
+def test_known_depths_are_kept_exactly() -> None:
+    scene = ps.bump(shape=(30, 30))
+    known = scene.known_depth * np.pi
+    solution = ps.reconstruct(scene.image, scene.camera, known_depth=known)
+    given = np.isfinite(known)
+    np.testing.assert_array_equal(solution.depth[given], known[given])
+
+
+def test_without_known_depths_the_edge_is_at_one() -> None:
+    scene = ps.bump(shape=(30, 40))
+    np.testing.assert_allclose(scene.known_depth[[0, -1]], 1.0, atol=1e-3)
+    solution = ps.reconstruct(scene.image, scene.camera)
+    assert (solution.depth[[0, -1]] == 1.0).all()
+    assert (solution.depth[:, [0, -1]] == 1.0).all()
+    np.testing.assert_allclose(solution.depth, solve(scene).depth, rtol=1e-3)
+
+
+def disc(size: int, radius: float, centre: tuple[float, float] = (0.5, 0.5)) -> np.ndarray[Any, Any]:
+    rows, columns = np.indices((size, size)) / (size - 1)
+    return np.asarray((rows - centre[0]) ** 2 + (columns - centre[1]) ** 2 < radius**2)
+
+
+@pytest.mark.parametrize("boundary", ["outflow", "wall", "fixed"])
+def test_a_round_mask_with_its_rim_known_gives_the_surface_inside(boundary: str) -> None:
+    scene = ps.bump(shape=(64, 64))
+    mask = disc(64, 0.3)
+    ring = disc(64, 0.33) & ~mask
+    solution = solve(scene, mask=mask, known_depth=np.where(ring, scene.depth, np.nan), boundary=boundary)
+    assert np.isnan(solution.depth[~mask & ~ring]).all()
+    assert (solution.solved == (mask | ring)).all()
+    errors = ps.compare(solution.depth, scene.depth, mask=mask)
+    assert errors.mean < 0.012
+    assert errors.count == mask.sum()
+
+
+def test_pieces_are_solved_each_from_its_own_values_and_lost_ones_reported() -> None:
+    scene = ps.bump(shape=(64, 64))
+    pieces = [disc(64, 0.15, centre) for centre in ((0.2, 0.2), (0.2, 0.8), (0.75, 0.5))]
+    known = np.full((64, 64), np.nan)
+    for piece in pieces[:2]:
+        rim = piece & ~np.roll(piece, 1, 0)
+        known[rim] = scene.depth[rim]
+    solution = solve(scene, mask=np.any(pieces, axis=0), known_depth=known)
+    assert solution.solved[pieces[0] | pieces[1]].all()
+    assert not solution.solved[pieces[2]].any()
+    assert np.isnan(solution.depth[pieces[2]]).all()
+    np.testing.assert_array_equal(solution.unreached, pieces[2])
+    alone = solve(scene, mask=pieces[0], known_depth=np.where(pieces[0], known, np.nan))
+    np.testing.assert_allclose(solution.depth[pieces[0]], alone.depth[pieces[0]], rtol=1e-5)
+
+
+def test_nothing_crosses_a_wall() -> None:
+    scene = ps.bump(shape=(40, 40))
+    walls = np.zeros((40, 40), bool)
+    walls[:, 25] = True
+    lower = np.where(np.arange(40) > 25, 0.5, 1.0) * scene.known_depth
+    one = solve(scene, walls=walls)
+    other = solve(scene, walls=walls, known_depth=lower)
+    np.testing.assert_allclose(one.depth[:, :25], other.depth[:, :25], rtol=2e-6)
+    assert (other.depth[:, 26:] < one.depth[:, 26:]).all()
+    assert not one.solved[:, 25].any()
+
+
+@pytest.mark.parametrize("boundary", ["outflow", "wall", "extrapolate"])
+def test_open_edges_let_the_surface_flow_out(boundary: str) -> None:
+    """A surface that grows from one line: what lies outside the image must not matter."""
+    size = 48
+    columns = np.indices((size, size))[1]
+    camera = ps.Camera(focal_length=float(size))
+    log_depth = 0.3 * np.abs(columns - size // 2) / size
+    image = ps.render(np.exp(log_depth), camera)
+    known = np.where(columns == size // 2, 1.0, np.nan)
+    image[:, size // 2] = image[:, size // 2 + 1]
+    solution = ps.reconstruct(image, camera, known_depth=known, boundary=boundary, tolerance=1e-7)
+    np.testing.assert_allclose(solution.log_depth, log_depth, atol=0.02)
+
+
+@pytest.mark.parametrize("shape", [(1, 60), (60, 1), (2, 60)])
+def test_a_row_of_pixels_is_a_profile(shape: tuple[int, int]) -> None:
+    along = np.arange(60)
+    log_depth = 0.4 * np.minimum(along, 59 - along) / 60
+    x = (along - 29.5) / 60
+    slope = np.where(along < 29.5, 0.4, -0.4)
+    brightness = (1 + x * slope) / np.sqrt(slope**2 + (1 + x * slope) ** 2)
+    known = np.full(60, np.nan)
+    known[[0, -1]] = 1.0
+    turn = np.transpose if shape[1] == 1 else np.asarray
+    image, given = (turn(np.tile(values, (min(shape), 1))) for values in (brightness, known))
+    solution = ps.reconstruct(image, ps.Camera(60.0), known_depth=given, tolerance=1e-9, precision="float64")
+    expected = turn(np.tile(log_depth, (min(shape), 1)))
+    assert np.abs(solution.log_depth - expected).mean() < 0.02
+
+
+def test_dark_pixels_are_counted_and_never_run_away() -> None:
+    scene = ps.bump(shape=(50, 50), surface="toward")
+    image = scene.image.copy()
+    image[20:30, 38:44] = 0.0
+    solution = ps.reconstruct(image, scene.camera, known_depth=scene.known_depth, max_slope=20.0)
+    assert solution.clamped[20:30, 38:44].all()
+    assert solution.clamped.sum() == 60
+    climbs = np.diff(solution.log_depth, axis=1)
+    assert np.abs(climbs).max() <= 20.0 / 50 * (1 + 1e-5)
+    assert solution.log_depth.max() < 3.0
+
+
+def test_callback_sees_every_iteration_and_may_stop() -> None:
+    seen: list[tuple[int, float]] = []
+
+    def watch(iteration: int, change: float) -> bool:
+        seen.append((iteration, change))
+        return iteration == 3
+
+    solution = solve(ps.bump(shape=(40, 40)), callback=watch)
+    assert solution.status is ps.Status.STOPPED
+    assert [iteration for iteration, _ in seen] == [1, 2, 3]
+    np.testing.assert_array_equal([change for _, change in seen], solution.changes)
+    assert np.isfinite(solution.depth).all()
+
+
+def test_status_and_throw() -> None:
+    scene = ps.bump(shape=(40, 40))
+    assert solve(scene).status is ps.Status.CONVERGED
+    assert solve(scene).changes[-1] <= 1e-5
+    assert solve(scene, max_iterations=2).status is ps.Status.MAX_ITERATIONS
+    with pytest.raises(ps.ConvergenceError, match="raise max_iterations") as caught:
+        solve(scene, max_iterations=2, throw=True)
+    assert caught.value.solution.iterations == 2
+    assert solve(scene, throw=True).status is ps.Status.CONVERGED
+
+
+def test_time_is_accounted_for() -> None:
+    elapsed = solve(ps.bump(shape=(40, 40))).elapsed
+    assert 0 < elapsed.kernels < elapsed.total
+    assert 0 < elapsed.build < elapsed.total
+
+
+def test_batch_gives_the_numbers_of_one_by_one() -> None:
+    scenes = [ps.bump(shape=(30, 30)), ps.bump(shape=(20, 33), relief=0.1), ps.sphere_cap(shape=(30, 30))]
+    together = ps.reconstruct_batch(
+        [scene.image for scene in scenes],
+        [scene.camera for scene in scenes],
+        known_depth=[scenes[0].known_depth, None, scenes[2].known_depth],
+        mask=[None, disc(33, 0.5)[:20], None],
+    )
+    for number, (scene, solution) in enumerate(zip(scenes, together, strict=True)):
+        known = None if number == 1 else scene.known_depth
+        alone = solve(scene, known_depth=known, mask=disc(33, 0.5)[:20] if number == 1 else None)
+        np.testing.assert_array_equal(alone.depth, solution.depth)
+    with pytest.raises(ps.InputError, match="mask has 1 entries for 2 images"):
+        ps.reconstruct_batch([scenes[0].image] * 2, scenes[0].camera, mask=[None])
+
+
+def test_float64_on_a_device_without_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = ps.devices()[0]
+    monkeypatch.setattr(device, "has_float64", False)
+    with pytest.raises(ps.DeviceError, match="no double precision"):
+        solve(ps.bump(shape=(20, 20)), device=device, precision="float64")
+
+
+IMAGE = np.random.default_rng(0).uniform(0.3, 1.0, (20, 24))
+
+
+def with_values(values: float, *, where: Any = (10, 10)) -> np.ndarray[Any, Any]:
+    changed = IMAGE.copy()
+    changed[where] = values
+    return changed
+
+
+def depths(value: float) -> np.ndarray[Any, Any]:
+    known = np.full(IMAGE.shape, np.nan)
+    known[5, 5] = value
+    return known
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"image": with_values(np.nan)}, "1 NaN or infinite"),
+        ({"image": with_values(np.inf, where=slice(3, 5))}, "44 NaN or infinite"),
+        ({"image": np.zeros((20, 24))}, "all black"),
+        ({"image": np.full((20, 24), 0.7)}, "constant"),
+        ({"image": IMAGE * 255}, "E must lie in"),
+        ({"image": -IMAGE}, "E must lie in"),
+        ({"image": (IMAGE * 255).astype(np.uint8)}, "divide by 255"),
+        ({"image": IMAGE + 0j}, "complex128"),
+        ({"image": np.dstack([IMAGE] * 3)}, "made grey first"),
+        ({"image": np.ones((0, 4))}, "at least 2 pixels"),
+        ({"image": "photo.png"}, "shape"),
+        ({"mask": np.ones((4, 4), bool)}, "image's shape"),
+        ({"mask": np.ones(IMAGE.shape)}, "bool"),
+        ({"mask": np.zeros(IMAGE.shape, bool)}, "nothing to solve"),
+        ({"walls": np.ones(IMAGE.shape, bool)}, "nothing to solve"),
+        ({"known_depth": depths(0.0)}, "down to 0"),
+        ({"known_depth": depths(-2.0)}, "down to -2"),
+        ({"known_depth": depths(np.inf)}, "1 infinite"),
+        ({"known_depth": depths(np.nan)}, "holds no value"),
+        ({"known_depth": np.ones((3, 3))}, "image's shape"),
+        ({"known_depth": np.ones(IMAGE.shape, int)}, "float array"),
+        ({"known_depth": np.ones(IMAGE.shape)}, "nothing to solve"),
+        ({"known_depth": depths(1.0), "mask": np.arange(24) + np.zeros((20, 1)) > 15}, "can reach"),
+        ({"known_depth": depths(1.0), "boundary": "fixed"}, "needs a known depth on every edge pixel"),
+        ({"surface": "up"}, "away, toward"),
+        ({"boundary": "periodic"}, "outflow"),
+        ({"scheme": "magic"}, "lax-friedrichs"),
+        ({"ordering": "random"}, "checkerboard"),
+        ({"precision": "float16"}, "float64"),
+        ({"max_iterations": 0}, "max_iterations=0"),
+        ({"max_iterations": 2.5}, "whole number"),
+        ({"tolerance": -1.0}, "tolerance"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"max_slope": 0.0}, "greater than 0"),
+        ({"light": "lamp"}, "ParallelLight"),
+        ({"reflectance": None}, "Lambertian"),
+        ({"camera": 590.0}, "no Camera"),
+    ],
+)
+def test_bad_input_is_refused_with_its_reason(keywords: dict[str, Any], message: str) -> None:
+    call = {"image": IMAGE, "camera": ps.Camera(30.0), **keywords}
+    with pytest.raises(ps.InputError, match=message):
+        ps.reconstruct(call.pop("image"), call.pop("camera"), **call)
+
+
+def test_values_outside_the_mask_may_be_anything() -> None:
+    mask = np.ones(IMAGE.shape, bool)
+    mask[10, 10] = False
+    solution = ps.reconstruct(with_values(np.nan), ps.Camera(30.0), mask=mask)
+    assert solution.status is ps.Status.CONVERGED
+    assert np.isnan(solution.depth[10, 10])
+
+
+def test_principal_point_far_outside_is_refused() -> None:
+    with pytest.raises(ps.CameraError, match="principal"):
+        ps.reconstruct(IMAGE, ps.Camera(30.0, (500.0, 10.0)))
