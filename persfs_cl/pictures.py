@@ -346,8 +346,8 @@ def _corners(samples: NDArray[Any]) -> NDArray[Any]:
 
 
 def _clay(towards_camera: Array) -> Array:
-    """RGB of matt facets under a lamp at the upper left of the camera, softened so that no side is black."""
-    lamp = np.array([-0.6, -0.5, -0.62])
+    """RGB of matt facets under a lamp to the left of the camera, softened so that no side is black."""
+    lamp = np.array([-0.7, 0.1, -0.7])
     brightness = 0.2 + 0.8 * (0.5 + 0.5 * towards_camera @ lamp) ** 1.5
     return np.asarray(brightness[:, None].clip(0.0, 1.0) * (1.0, 0.96, 0.9))
 

@@ -107,7 +107,7 @@ def test_without_known_depths_the_edge_is_at_one() -> None:
     solution = ps.reconstruct(scene.image, scene.camera)
     assert (solution.depth[[0, -1]] == 1.0).all()
     assert (solution.depth[:, [0, -1]] == 1.0).all()
-    np.testing.assert_allclose(solution.depth, solve(scene).depth, rtol=1e-3)
+    np.testing.assert_allclose(solution.depth, solve(scene).depth, atol=3e-3)
 
 
 def disc(size: int, radius: float, centre: tuple[float, float] = (0.5, 0.5)) -> np.ndarray[Any, Any]:

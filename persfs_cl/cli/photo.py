@@ -68,4 +68,5 @@ class Brightness:
             **asdict(self),
             "encoding": photo.encoding,
             "clipped_pixels": clipped,
+            "white_pixels": int(np.count_nonzero(image[mask] >= 1.0)),
         }

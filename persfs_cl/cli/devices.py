@@ -1,0 +1,68 @@
+"""``persfs-cl devices``: what OpenCL finds here."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated
+
+import typer
+
+from persfs_cl._cl.device import Device, select_device
+from persfs_cl._cl.device import devices as list_devices
+
+
+def devices(as_json: Annotated[bool, typer.Option("--json", help="Print a JSON array.")] = False) -> None:
+    """List the OpenCL devices, and say what to install when there are none.
+
+    The default device, marked *, is the first, unless the environment variable PYOPENCL_CTX says otherwise.
+    """
+    found = list_devices()
+    if as_json and not found:
+        typer.echo("[]")
+    default = select_device()
+    if as_json:
+        typer.echo(json.dumps([_entry(device, default) for device in found], indent=2))
+    else:
+        _table(found, default)
+
+
+def _entry(device: Device, default: Device) -> dict[str, object]:
+    return {
+        "index": device.index,
+        "default": device is default,
+        "kind": device.kind,
+        "name": device.name,
+        "platform": device.platform,
+        "platform_version": device.platform_version,
+        "driver_version": device.driver_version,
+        "float64": device.has_float64,
+        "memory_bytes": device.memory,
+        "compute_units": device.compute_units,
+    }
+
+
+def _table(found: list[Device], default: Device) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE)
+    for title in ("index", "kind", "name", "platform", "version", "driver", "float64", "memory", "units"):
+        table.add_column(title, overflow="fold", justify="right" if title in ("memory", "units") else "left")
+    for device in found:
+        table.add_row(
+            f"{device.index}{' *' if device is default else ''}",
+            device.kind,
+            device.name,
+            device.platform,
+            device.platform_version,
+            device.driver_version,
+            "yes" if device.has_float64 else "no",
+            f"{device.memory / 2**30:.1f} GiB",
+            str(device.compute_units),
+        )
+    # A file or pipe has no width to fit: one line a device.
+    console = Console(width=None if sys.stdout.isatty() else 250, markup=False, highlight=False)
+    console.print(table)
+    console.print("* is the default device.")

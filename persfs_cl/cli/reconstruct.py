@@ -1,0 +1,274 @@
+"""``persfs-cl reconstruct``: one photo to a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import typer
+
+from persfs_cl.cli.options import (
+    CameraOptions,
+    DeviceOption,
+    FieldOfViewOption,
+    FocalLengthOption,
+    LightOption,
+    P0Option,
+    PrecisionOption,
+    PrincipalPointOption,
+    Q0Option,
+    finite,
+    positive,
+)
+from persfs_cl.cli.output import check_folder, filling
+from persfs_cl.cli.photo import Brightness, Normalise
+from persfs_cl.cli.progress import progress_line, stop_on_interrupt
+from persfs_cl.errors import CameraError, InputError
+from persfs_cl.images import Channel, Encoding, read_depth, read_mask, read_photo
+from persfs_cl.light import ParallelLight
+from persfs_cl.solution import Solution, Status
+from persfs_cl.solver import reconstruct as solve
+
+Surface = Literal["away", "toward"]
+Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
+Scheme = Literal["auto", "lax-friedrichs"]
+Ordering = Literal["wavefront", "checkerboard", "lexicographic"]
+
+_PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
+_INTERRUPTED = 130
+
+
+def _odd(value: int) -> int:
+    if value % 2 == 0:
+        raise typer.BadParameter(f"{value} has no middle pixel: give an odd number.")
+    return value
+
+
+def _percentile(value: float | None) -> float | None:
+    if value is not None and not 0 < value <= 100:
+        raise typer.BadParameter(f"{value} is not a percentile: give a number above 0, at most 100.")
+    return value
+
+
+def reconstruct(
+    photo: Annotated[Path, typer.Argument(help="A PNG, JPEG or TIFF file.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results, made if needed.")
+    ],
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace earlier results in a folder that is not empty.")
+    ] = False,
+    focal_length: FocalLengthOption = None,
+    fov: FieldOfViewOption = None,
+    principal_point: PrincipalPointOption = None,
+    light: LightOption = "parallel",
+    p0: P0Option = 0.0,
+    q0: Q0Option = 0.0,
+    channel: Annotated[
+        Channel, typer.Option(help="What of a colour photo is used.", rich_help_panel=_PHOTO)
+    ] = "luminance",
+    encoding: Annotated[
+        Encoding,
+        typer.Option(
+            help="What the file's numbers are; auto: integers are sRGB, floats are linear light.", rich_help_panel=_PHOTO
+        ),
+    ] = "auto",
+    clip_highlights: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENTILE",
+            help="Cut what is brighter than this percentile: shiny spots, which a matt surface does not have. "
+            "What is cut counts as facing the light.",
+            callback=_percentile,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
+    mean_filter: Annotated[
+        int,
+        typer.Option(
+            metavar="PX",
+            min=1,
+            help="Smooth over a square of this odd width; 1 is off.",
+            callback=_odd,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = 1,
+    normalise: Annotated[
+        Normalise,
+        typer.Option(
+            help="linear: divide by the brightest value (the 99.5th percentile), which keeps the shading equation exact. "
+            "grey: stretch from the darkest to the brightest, eq. (2) of the paper. none: the photo is E already.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "linear",
+    mask: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Image, white where to solve, or .npy of bool. Transparent pixels of the photo are left out too.",
+            rich_help_panel=_REGION,
+        ),
+    ] = None,
+    walls: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="The same, white where the surface may jump: nothing crosses.", rich_help_panel=_REGION
+        ),
+    ] = None,
+    known_depth: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Depths that are kept, .npy or .tiff, NaN where unknown, in any unit. "
+            "Without it the edge of the image or mask has depth 1.",
+            rich_help_panel=_REGION,
+        ),
+    ] = None,
+    surface: Annotated[
+        Surface,
+        typer.Option(
+            help="Whether the surface goes away from the camera, or comes toward it, from the known depths inwards.",
+            rich_help_panel=_REGION,
+        ),
+    ] = "away",
+    boundary: Annotated[
+        Boundary, typer.Option(help="On edges where no depth is known; auto: outflow.", rich_help_panel=_SOLVER)
+    ] = "auto",
+    scheme: Annotated[Scheme, typer.Option(rich_help_panel=_SOLVER)] = "auto",
+    ordering: Annotated[Ordering, typer.Option(help="Order of the pixels in a sweep.", rich_help_panel=_SOLVER)] = "wavefront",
+    max_iterations: Annotated[int, typer.Option(min=1, help="Of four sweeps each.", rich_help_panel=_SOLVER)] = 2000,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Ends when ln depth changes by no more in an iteration.", callback=finite, rich_help_panel=_SOLVER
+        ),
+    ] = 1e-5,
+    max_slope: Annotated[
+        float,
+        typer.Option(help="Bound where a pixel is too dark to set one itself.", callback=positive, rich_help_panel=_SOLVER),
+    ] = 30.0,
+    device: DeviceOption = None,
+    precision: PrecisionOption = "float32",
+) -> None:
+    """Reconstruct the surface that one photo shows.
+
+    The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes depth.npy, depth.tiff,
+    mesh.ply, report.json and the pictures depth.png, normals.png, relief.png, rendered.png, comparison.png and
+    convergence.png.
+    """
+    del light  # the only one yet
+    camera = CameraOptions.parse(focal_length, fov, principal_point)
+    check_folder(output, overwrite=overwrite)
+    with stop_on_interrupt() as interrupted, progress_line(tolerance, max_iterations) as show:
+
+        def after_iteration(iteration: int, change: float) -> bool:
+            show(iteration, change)
+            return interrupted()
+
+        solution, files = reconstruct_photo(
+            photo,
+            output,
+            camera,
+            Brightness(channel, encoding, clip_highlights, mean_filter, normalise),
+            mask=mask,
+            walls=walls,
+            known_depth=known_depth,
+            light=ParallelLight(p0, q0),
+            surface=surface,
+            boundary=boundary,
+            scheme=scheme,
+            ordering=ordering,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+            max_slope=max_slope,
+            device=device,
+            precision=precision,
+            callback=after_iteration,
+        )
+    for file in files:
+        typer.echo(file)
+    typer.echo(summary(solution), err=True)
+    if solution.status is Status.STOPPED:
+        raise typer.Exit(_INTERRUPTED)
+
+
+def reconstruct_photo(
+    path: Path,
+    folder: Path,
+    camera: CameraOptions,
+    brightness: Brightness,
+    *,
+    mask: Path | None = None,
+    walls: Path | None = None,
+    known_depth: Path | None = None,
+    callback: Callable[[int, float], bool] | None = None,
+    **keywords: Any,
+) -> tuple[Solution, list[Path]]:
+    """Read one photo, reconstruct it, and write all results to a folder, or none.
+
+    Parameters
+    ----------
+    path : Path
+        The photo.
+    folder : Path
+        Made if needed.
+    camera : CameraOptions
+    brightness : Brightness
+    mask, walls, known_depth : Path, optional
+        Files of the photo's size.
+    callback
+    **keywords
+        As for :func:`persfs_cl.reconstruct`.
+
+    Returns
+    -------
+    solution : Solution
+    files : list of Path
+        What was written.
+
+    Raises
+    ------
+    PersfsError
+        Naming the file that cannot be used.
+    """
+    photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding)
+    shape = (photo.image.shape[0], photo.image.shape[1])
+    wanted = np.ones(shape, bool) if photo.mask is None else photo.mask
+    if mask is not None:
+        wanted = wanted & read_mask(mask, shape)
+    barriers = np.zeros(shape, bool) if walls is None else read_mask(walls, shape)
+    depths = None if known_depth is None else read_depth(known_depth, shape)
+    pinhole = camera.camera(path, shape)
+    try:
+        image, said = brightness.of(photo, wanted & ~barriers)
+        solution = solve(
+            image, pinhole, mask=wanted, walls=barriers, known_depth=depths, callback=callback, **keywords
+        )
+    except (InputError, CameraError) as error:
+        raise type(error)(f"{path}: {error}") from error
+    inputs = {"mask": mask, "walls": walls, "known_depth": known_depth}
+    said |= {name: None if file is None else str(file) for name, file in inputs.items()}
+    with filling(folder) as temporary:
+        files = solution.save(temporary, colour=photo.colour, report={"photo": said})
+    return solution, [folder / file.name for file in files]
+
+
+def summary(solution: Solution) -> str:
+    """A few lines for a person: how the run ended, and what to be wary of."""
+    grey = solution.grey_errors()
+    lines = [
+        f"{solution.status.name} after {solution.iterations} iterations in {solution.elapsed.total:.2f} s on "
+        f"{solution.device.name}. {solution.status.value}",
+        f"Photographed again, the surface differs from the photo by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f} "
+        "grey levels (0 to 255).",
+    ]
+    if clamped := int(solution.clamped.sum()):
+        lines.append(
+            f"{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: mask them out if they "
+            "are shadow or paint."
+        )
+    if unreached := int(solution.unreached.sum()):
+        lines.append(f"{unreached} pixels have no depth: no known depth can reach them.")
+    return "\n".join(lines)

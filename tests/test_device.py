@@ -1,0 +1,144 @@
+"""Which device is taken, and that nothing is made twice."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+from typing import Any
+
+import pyopencl as cl
+import pytest
+
+import persfs_cl as ps
+from persfs_cl._cl import device as device_module
+from persfs_cl._cl.device import select_device
+from persfs_cl._cl.program import program
+
+
+def handle(name: str, kind: int, version: str, platform: str = "Portable Computing Language") -> Any:
+    """What the module reads of a pyopencl device."""
+    return SimpleNamespace(
+        name=name,
+        type=kind,
+        platform=SimpleNamespace(name=platform, version=version),
+        driver_version=version,
+        double_fp_config=63,
+        global_mem_size=2**30,
+        max_compute_units=2,
+    )
+
+
+CPU, GPU = cl.device_type.CPU, cl.device_type.GPU
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Pretend that some devices are installed."""
+
+    def install(*handles: Any) -> list[ps.Device]:
+        platforms = [SimpleNamespace(name=h.platform.name, get_devices=lambda h=h: [h]) for h in handles]
+        monkeypatch.setattr(device_module.cl, "get_platforms", lambda: platforms)
+        monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+        device_module._all_devices.cache_clear()
+        return ps.devices()
+
+    yield install
+    monkeypatch.undo()
+    device_module._all_devices.cache_clear()
+
+
+def test_of_several_pocl_versions_the_newest_comes_first(machine: Any) -> None:
+    found = machine(
+        handle("pthread", CPU, "OpenCL 3.0 PoCL 3.1+debian Linux"),
+        handle("cpu", CPU, "OpenCL 3.0 PoCL 10.0 Linux"),
+        handle("pthread", CPU, "OpenCL 3.0 PoCL 3.0-rc2 Linux"),
+    )
+    assert [device.platform_version.split()[3] for device in found] == ["10.0", "3.1+debian", "3.0-rc2"]
+    assert select_device() is found[0]
+    assert [device.index for device in found] == [0, 1, 2]
+
+
+def test_selection_by_kind_index_and_name(machine: Any) -> None:
+    found = machine(
+        handle("NVIDIA H100", GPU, "OpenCL 3.0 CUDA 13.0", "NVIDIA CUDA"),
+        handle("pthread-EPYC", CPU, "OpenCL 3.0 PoCL 3.1"),
+    )
+    cpu, gpu = found
+    assert (cpu.kind, gpu.kind) == ("cpu", "gpu")
+    for selector, expected in (
+        (None, cpu),
+        ("cpu", cpu),
+        ("gpu", gpu),
+        (1, gpu),
+        ("1", gpu),
+        ("h100", gpu),
+        ("PoCL", cpu),
+        ("nvidia cuda", gpu),
+        (gpu, gpu),
+    ):
+        assert select_device(selector) is expected
+
+
+@pytest.mark.parametrize(
+    ("selector", "message"),
+    [("gpu", "No OpenCL device fits"), (7, "does not exist"), ("quantum", "fits"), ("", "choice"), (1.5, "choice")],
+)
+def test_a_device_that_is_not_there_is_an_error_that_lists_what_is(machine: Any, selector: Any, message: str) -> None:
+    machine(handle("pthread-EPYC", CPU, "OpenCL 3.0 PoCL 3.1"))
+    with pytest.raises(ps.DeviceError, match=message):
+        select_device(selector)
+
+
+def test_no_device_says_what_to_install(machine: Any) -> None:
+    assert machine() == []
+    with pytest.raises(ps.DeviceError, match="pocl-binary-distribution"):
+        select_device()
+
+
+def test_pyopencl_ctx_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
+    platforms = cl.get_platforms()
+    monkeypatch.setenv("PYOPENCL_CTX", f"{len(platforms) - 1}:0")
+    assert select_device().is_handle(platforms[-1].get_devices()[0])
+    monkeypatch.setenv("PYOPENCL_CTX", "no such device")
+    with pytest.raises(ps.DeviceError, match="no such device"):
+        select_device()
+
+
+def test_contexts_and_programs_are_made_once() -> None:
+    device = select_device()
+    assert select_device() is device
+    assert device.context is device.context
+    names = ["boundary", "change"]
+    assert program(device, names, "float32") is program(device, names, "float32")
+
+
+def test_a_kernel_that_does_not_compile_names_its_file_and_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = select_device()
+    source = "\n\n__kernel void broken(__global float *a) { a[0] = nonsense; }\n"
+    monkeypatch.setattr("persfs_cl._cl.program.kernel_source", lambda name: source if name == "change" else "\n")
+    with pytest.raises(ps.KernelBuildError, match=r"change\.cl:3"):
+        program(device, ["boundary", "change"], "float32", {"ONLY_HERE": 1})
+
+
+def test_a_missing_kernel_file_says_to_reinstall() -> None:
+    with pytest.raises(ps.KernelBuildError, match="reinstall"):
+        program(select_device(), ["absent"], "float32")
+
+
+def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> None:
+    for ordering, sizes in (
+        ("lexicographic", {}),
+        ("wavefront", {"TILE_ROWS": 8, "TILE_COLUMNS": 8}),
+        ("checkerboard", {}),
+    ):
+        program(device, ["parallel_light", "lax_friedrichs", "cell", ordering], precision, sizes)
+    program(device, ["parallel_light", "render"], precision)
+
+
+def test_a_wrong_environment_is_an_error_and_never_a_question() -> None:
+    environment = {**os.environ, "PYOPENCL_CTX": "no such device"}
+    code = "import persfs_cl as ps, numpy as np; ps.reconstruct(np.eye(9), ps.Camera(9.0))"
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    assert "DeviceError: PYOPENCL_CTX='no such device'" in run.stderr
