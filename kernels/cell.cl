@@ -1,83 +1,94 @@
-/* One Gauss-Seidel step of one cell: fetch the neighbours, ask the scheme for a candidate, keep it if it is smaller.
+/* New values of cells from their neighbours: the scheme's candidate, bounded by the steepest slope.
  *
- * No cell may lie more than one step above a neighbour. That bounds the values where the Hamiltonian does not (the
- * pixel is so dark that {P : H(P) <= 0} is unbounded) and costs a regular cell nothing.
+ * The bound, no cell more than one step above a neighbour, holds the values where the Hamiltonian does not (the pixel
+ * is so dark that {P : H(P) <= 0} is unbounded) and costs a regular cell nothing.
+ *
+ * In `brightness` a NaN marks a cell that is not swept: no comparison accepts its candidate. A set sign marks a swept
+ * cell on the rim, with a neighbour missing; only there are its flags read.
  */
+/* Left and right may change places, and so may up and down, if the spacing changes its sign: the bits are the same. */
+static inline number inner_value(const number brightness, const number left, const number right, const number up,
+                                 const number down, const real half_inverse_dx, const real half_inverse_dy,
+                                 const axis x, const axis y, __global const real *parameters)
+{
+    const number value = candidate(brightness, (right - left) * half_inverse_dx, (down - up) * half_inverse_dy,
+                                   right + left, down + up, x, y, parameters);
+    const number highest = least(least(left, right) + parameters[STEP_X], least(up, down) + parameters[STEP_Y]);
+    return highest < value ? highest : value;
+}
 
 /* Gradient along one axis where a neighbour is missing: a state constraint, nothing flows in from outside.
  *
  * The difference is one-sided, and stops at the slope where H is least, so that H never rises with the inner neighbour:
  * that keeps the scheme monotone. Where both neighbours are missing the least slope itself is taken.
  */
-static inline real constrained(const real here, const real before, const real after, const uint no_before,
-                               const uint no_after, const real inverse_spacing, const real least)
+static inline number constrained(const number here, const number before, const number after, const integer no_before,
+                                 const integer no_after, const real half_inverse_spacing, const number least_slope)
 {
-    if (no_before && no_after)
-        return least;
-    if (no_before)
-        return fmin((after - here) * inverse_spacing, least);
-    if (no_after)
-        return fmax((here - before) * inverse_spacing, least);
-    return (after - before) * ((real)0.5 * inverse_spacing);
+    const real inverse_spacing = 2 * half_inverse_spacing;
+    const number from_after = least((after - here) * inverse_spacing, least_slope);
+    const number from_before = most((here - before) * inverse_spacing, least_slope);
+    const number one_sided = no_before != 0 ? from_after : from_before;
+    const number outer = (no_before & no_after) != 0 ? least_slope : one_sided;
+    return (no_before | no_after) != 0 ? outer : (after - before) * half_inverse_spacing;
 }
 
-static inline real rim_value(const real brightness, const uint flag, const real here, const real left,
-                             const real right, const real up, const real down, const real x, const real y,
-                             __constant const real *parameters)
+/* As inner_value, where `flags` may say that neighbours are missing; their values are of no consequence. */
+static inline number rim_value(const number brightness, const integer flags, const number here, const number left,
+                               const number right, const number up, const number down, const axis x, const axis y,
+                               __global const real *parameters)
 {
-    const real inverse_dx = (real)2 * parameters[HALF_INVERSE_DX];
-    const real inverse_dy = (real)2 * parameters[HALF_INVERSE_DY];
-    const real steepest = parameters[STEP_X] * inverse_dx;
-    real gradient_x = 0, gradient_y = 0;
-    if (!(flag & (NO_LEFT | NO_RIGHT)))
-        gradient_x = (right - left) * parameters[HALF_INVERSE_DX];
+    /* All bits set or none, as a condition on vectors wants them. */
+    const integer no_left = -((flags / NO_LEFT) & 1), no_right = -((flags / NO_RIGHT) & 1);
+    const integer no_up = -((flags / NO_UP) & 1), no_down = -((flags / NO_DOWN) & 1);
+    const number central = (right - left) * parameters[HALF_INVERSE_DX];
+    number gradient_x = (no_left | no_right) != 0 ? (number)0 : central;
+    number gradient_y = (number)0;
     /* In a corner the two slopes depend on each other: a few turns of coordinate descent on a convex function. */
-    const int turns = flag & (NO_LEFT | NO_RIGHT) && flag & (NO_UP | NO_DOWN) ? 3 : 1;
-    for (int turn = 0; turn < turns; ++turn) {
-        gradient_y = constrained(here, up, down, flag & NO_UP, flag & NO_DOWN, inverse_dy,
-                                 least_gradient_y(brightness, gradient_x, x, y, steepest, parameters));
-        gradient_x = constrained(here, left, right, flag & NO_LEFT, flag & NO_RIGHT, inverse_dx,
-                                 least_gradient_x(brightness, gradient_y, x, y, steepest, parameters));
+    for (int turn = 0; turn < 3; ++turn) {
+        gradient_y = constrained(here, up, down, no_up, no_down, parameters[HALF_INVERSE_DY],
+                                 least_gradient(brightness, gradient_x, y.coordinate, x.coordinate,
+                                                parameters[LIGHT_Q0], parameters));
+        gradient_x = constrained(here, left, right, no_left, no_right, parameters[HALF_INVERSE_DX],
+                                 least_gradient(brightness, gradient_y, x.coordinate, y.coordinate,
+                                                parameters[LIGHT_P0], parameters));
     }
-    const real none = (real)INFINITY;
-    const real lowest_x = fmin(flag & NO_LEFT ? none : left, flag & NO_RIGHT ? none : right);
-    const real lowest_y = fmin(flag & NO_UP ? none : up, flag & NO_DOWN ? none : down);
-    const real highest = fmin(lowest_x + parameters[STEP_X], lowest_y + parameters[STEP_Y]);
-    const real sum_x = flag & (NO_LEFT | NO_RIGHT) ? (real)2 * here : left + right;
-    const real sum_y = flag & (NO_UP | NO_DOWN) ? (real)2 * here : up + down;
-    return fmin(candidate(brightness, gradient_x, gradient_y, sum_x, sum_y, x, y, parameters), highest);
+    const number sum_x = (no_left | no_right) != 0 ? here + here : right + left;
+    const number sum_y = (no_up | no_down) != 0 ? here + here : down + up;
+    const number value = candidate(brightness, gradient_x, gradient_y, sum_x, sum_y, x, y, parameters);
+    const number none = (number)INFINITY;
+    const number lowest_x = least(no_left != 0 ? none : left, no_right != 0 ? none : right);
+    const number lowest_y = least(no_up != 0 ? none : up, no_down != 0 ? none : down);
+    const number highest = least(lowest_x + parameters[STEP_X], lowest_y + parameters[STEP_Y]);
+    return highest < value ? highest : value;
 }
 
-static inline real inner_value(const real brightness, const real left, const real right, const real up,
-                               const real down, const real x, const real y, __constant const real *parameters)
+#if LANES == 1
+/* Table of one axis: coordinate, root and offset, each of `length` numbers. */
+static inline axis axis_at(__global const real *table, const int length, const int index)
 {
-    const real highest = fmin(fmin(left, right) + parameters[STEP_X], fmin(up, down) + parameters[STEP_Y]);
-    return fmin(candidate(brightness, (right - left) * parameters[HALF_INVERSE_DX],
-                          (down - up) * parameters[HALF_INVERSE_DY], left + right, up + down, x, y, parameters),
-                highest);
+    const axis result = {table[index], table[length + index], table[2 * length + index]};
+    return result;
 }
 
-static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (height, width), in place */
-                               __global const real *brightness, /* E in [0, 1], shape (height, width)           */
-                               __global const uchar *flags,     /* see prelude, shape (height, width)           */
-                               __constant const real *parameters, const int width, const int column, const int row)
+/* One Gauss-Seidel step of one cell, in place. */
+static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride) */
+                               __global const real *brightness, /* E, marked as above, same shape    */
+                               __global const uchar *flags,     /* see prelude, same shape           */
+                               const size_t cell, const size_t left, const size_t right, const size_t up,
+                               const size_t down, const axis x, const axis y, __global const real *parameters)
 {
-    const size_t cell = (size_t)row * (size_t)width + (size_t)column;
-    const uint flag = flags[cell];
-    if (!(flag & SWEPT))
+    const real shading = brightness[cell];
+    if (isnan(shading))
         return;
-
     const real here = log_depth[cell];
-    /* The cell stands in for a missing neighbour, so that nothing outside the array is read. */
-    const real left = log_depth[flag & NO_LEFT ? cell : cell - 1];
-    const real right = log_depth[flag & NO_RIGHT ? cell : cell + 1];
-    const real up = log_depth[flag & NO_UP ? cell : cell - (size_t)width];
-    const real down = log_depth[flag & NO_DOWN ? cell : cell + (size_t)width];
-    const real x = multiply_add((real)column, parameters[GRID_DX], parameters[GRID_X0]);
-    const real y = multiply_add((real)row, parameters[GRID_DY], parameters[GRID_Y0]);
-    const real value = flag & MISSING
-                           ? rim_value(brightness[cell], flag, here, left, right, up, down, x, y, parameters)
-                           : inner_value(brightness[cell], left, right, up, down, x, y, parameters);
+    const real value =
+        as_integer(shading) < 0
+            ? rim_value(fabs(shading), flags[cell], here, log_depth[left], log_depth[right], log_depth[up],
+                        log_depth[down], x, y, parameters)
+            : inner_value(shading, log_depth[left], log_depth[right], log_depth[up], log_depth[down],
+                          parameters[HALF_INVERSE_DX], parameters[HALF_INVERSE_DY], x, y, parameters);
     if (value < here)
         log_depth[cell] = value;
 }
+#endif

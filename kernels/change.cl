@@ -1,31 +1,40 @@
 /* Largest change of Z over an iteration, and the copy that the next iteration is compared with.
  *
- * Each work-group reduces its share of the cells to one number; the host takes the largest. The group size must be a
- * power of two.
+ * Work-groups reduce their shares of an image to one number each and merge these by an atomic maximum: the bits of
+ * floats that are not negative are in the order of the floats. The group size must be a power of two. Global size
+ * (groups * items, images), work-group size (items, 1).
  */
-__kernel void change(__global const real *log_depth, /* shape (count,)                                   */
-                     __global real *previous,        /* Z before the iteration; Z after it on return     */
-                     __global real *largest,         /* max |Z - previous| of each group, shape (groups,) */
-                     __local real *scratch,          /* one real a work-item                             */
-                     const uint count)               /* cells                                            */
+#define MOST_ITEMS 64
+
+__kernel void change(__global const real *log_depth, /* shape (images, size)                                      */
+                     __global real *previous,        /* Z before the iteration; Z after it on return, same shape  */
+                     __global float *changes,        /* see prelude; zero for this iteration on entry             */
+                     const int iteration,            /* index into changes                                        */
+                     const float tolerance,          /* on max |dZ|                                               */
+                     const int size)                 /* stored cells of an image                                  */
 {
-    const uint items = get_local_size(0);
-    const uint share = (count + get_num_groups(0) - 1) / get_num_groups(0);
-    const uint begin = get_group_id(0) * share;
-    const uint end = min(begin + share, count);
-    real change = 0;
-    for (uint cell = begin + get_local_id(0); cell < end; cell += items) {
+    const int image = (int)get_global_id(1), images = (int)get_global_size(1);
+    if (finished(changes, iteration, image, images, tolerance))
+        return;
+    __local float scratch[MOST_ITEMS];
+    const int item = (int)get_local_id(0), items = (int)get_local_size(0);
+    const int share = (size + (int)get_num_groups(0) - 1) / (int)get_num_groups(0);
+    const size_t first = (size_t)image * (size_t)size;
+    const size_t begin = first + (size_t)get_group_id(0) * (size_t)share;
+    const size_t end = min(begin + (size_t)share, first + (size_t)size);
+    real largest = 0;
+    for (size_t cell = begin + (size_t)item; cell < end; cell += (size_t)items) {
         const real value = log_depth[cell];
-        change = fmax(change, fabs(value - previous[cell]));
+        largest = most(largest, previous[cell] - value);
         previous[cell] = value;
     }
-    scratch[get_local_id(0)] = change;
+    scratch[item] = (float)largest;
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint half_size = items / 2; half_size > 0; half_size /= 2) {
-        if (get_local_id(0) < half_size)
-            scratch[get_local_id(0)] = fmax(scratch[get_local_id(0)], scratch[get_local_id(0) + half_size]);
+    for (int half_size = items / 2; half_size > 0; half_size /= 2) {
+        if (item < half_size)
+            scratch[item] = fmax(scratch[item], scratch[item + half_size]);
         barrier(CLK_LOCAL_MEM_FENCE);
     }
-    if (get_local_id(0) == 0)
-        largest[get_group_id(0)] = scratch[0];
+    if (item == 0)
+        atomic_max((__global int *)(changes + iteration * images + image), as_int(scratch[0]));
 }

@@ -1,20 +1,36 @@
-/* One sweep as the paper writes it: a single work-item runs the plain double loop. The yardstick for the others.
+/* One sweep as the paper writes it: one work-item runs the plain double loop. The yardstick for the others.
  *
- * Global size 1. Reads and writes log_depth in place.
+ * One work-item takes an image: global size (images,). Reads and writes log_depth in place.
  */
-__kernel void sweep(__global real *log_depth,          /* shape (height, width)                  */
-                    __global const real *brightness,   /* shape (height, width)                  */
-                    __global const uchar *flags,       /* shape (height, width)                  */
-                    __constant const real *parameters, /* see prelude and model                  */
-                    const int width,                   /* pixels                                 */
-                    const int height,                  /* pixels                                 */
-                    const int leftwards,               /* 1: columns from the right              */
-                    const int upwards)                 /* 1: rows from the bottom                */
+__kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
+                    __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+                    __global const uchar *flags,       /* same shape                                          */
+                    __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+                    __global const real *column_table, /* shape (images, 3, stride)                           */
+                    __global const real *row_table,    /* shape (images, 3, rows)                             */
+                    __global const float *changes,     /* see prelude                                         */
+                    const int iteration,               /* index into changes                                  */
+                    const float tolerance,             /* on max |dZ|                                         */
+                    const int rows,                    /* stored rows, padding included                       */
+                    const int stride,                  /* stored columns, padding included                    */
+                    const int first_row,               /* of the image within its padding                     */
+                    const int first_column,            /* likewise                                            */
+                    const int height,                  /* pixels                                              */
+                    const int width,                   /* pixels                                              */
+                    const int leftwards,               /* 1: columns from the right                           */
+                    const int upwards)                 /* 1: rows from the bottom                             */
 {
-    if (get_global_id(0) != 0)
+    const int image = (int)get_global_id(0);
+    if (finished(changes, iteration, image, (int)get_global_size(0), tolerance))
         return;
+    const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     for (int i = 0; i < height; ++i)
-        for (int j = 0; j < width; ++j)
-            update_cell(log_depth, brightness, flags, parameters, width, leftwards ? width - 1 - j : j,
-                        upwards ? height - 1 - i : i);
+        for (int j = 0; j < width; ++j) {
+            const int row = first_row + (upwards ? height - 1 - i : i);
+            const int column = first_column + (leftwards ? width - 1 - j : j);
+            const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
+            update_cell(log_depth, brightness, flags, cell, cell - 1, cell + 1, cell - (size_t)stride,
+                        cell + (size_t)stride, axis_at(column_table + image * 3 * stride, stride, column),
+                        axis_at(row_table + image * 3 * rows, rows, row), parameters + image * PARAMETERS);
+        }
 }

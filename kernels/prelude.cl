@@ -1,7 +1,13 @@
-/* What every program begins with: the real type, multiply-add, and the meaning of a cell's flags.
+/* What every program begins with: number types, multiply-add, and the meaning of a cell's flags.
  *
- * Built with -D USE_DOUBLE=0 or 1. Contraction is off and every fused multiply-add is written out, so that two
- * orderings compiled from the same cell update give the same bits on a device.
+ * USE_DOUBLE  0 or 1: the real type.
+ * LANES       1 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an integer
+ *             of the same width. The functions of model, scheme and cell are written for any number of lanes.
+ * FUSED       1: multiply-add is one fused operation; 0: a product and a sum, where the former is a function call.
+ * FAST_SQRT   1: the compiler's own square root, where the library's is a function call.
+ *
+ * Contraction is off and every fused multiply-add is written out, so that two orderings compiled from the same cell
+ * update give the same bits on a device.
  */
 #if USE_DOUBLE
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -10,25 +16,95 @@ typedef double real;
 typedef float real;
 #endif
 
+#if LANES == 8 && USE_DOUBLE
+typedef double8 number;
+typedef long8 integer;
+typedef double8 unaligned __attribute__((aligned(8)));
+#define as_integer as_long8
+#define convert_integer convert_long8
+#elif LANES == 8
+typedef float8 number;
+typedef int8 integer;
+typedef float8 unaligned __attribute__((aligned(4)));
+#define as_integer as_int8
+#define convert_integer convert_int8
+#elif USE_DOUBLE
+typedef double number;
+typedef long integer;
+#define as_integer as_long
+#define convert_integer convert_long
+#else
+typedef float number;
+typedef int integer;
+#define as_integer as_int
+#define convert_integer convert_int
+#endif
+
 #pragma OPENCL FP_CONTRACT OFF
 
-#define multiply_add(a, b, c) fma((a), (b), (c))
+#if FUSED
+#define multiply_add(a, b, c) fma((number)(a), (number)(b), (number)(c))
+#else
+#define multiply_add(a, b, c) ((a) * (b) + (c))
+#endif
+
+#if FAST_SQRT && USE_DOUBLE
+#define ROOT __builtin_sqrt
+#elif FAST_SQRT
+#define ROOT __builtin_sqrtf
+#else
+#define ROOT sqrt
+#endif
+static inline number root(const number a)
+{
+#if LANES == 8 && FAST_SQRT
+    return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3), ROOT(a.s4), ROOT(a.s5), ROOT(a.s6), ROOT(a.s7));
+#else
+    return ROOT(a);
+#endif
+}
+
+/* Plain comparisons: one instruction, where fmin and fmax look after NaN. A NaN in `a` gives b. */
+static inline number least(const number a, const number b)
+{
+    return a < b ? a : b;
+}
+
+static inline number most(const number a, const number b)
+{
+    return a > b ? a : b;
+}
+
+static inline int any_lane(const integer condition)
+{
+#if LANES == 8
+    return any(condition);
+#else
+    return condition != 0;
+#endif
+}
 
 /* Flags of a cell. A neighbour is missing where the image or the mask ends, or where a wall stands. */
-#define SWEPT 1u
-#define NO_LEFT 2u
-#define NO_RIGHT 4u
-#define NO_UP 8u
-#define NO_DOWN 16u
-#define MISSING (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)
+#define SWEPT 1
+#define NO_LEFT 2
+#define NO_RIGHT 4
+#define NO_UP 8
+#define NO_DOWN 16
 
-/* Indices into the parameters that every model shares; a model's own begin at FIRST_MODEL_PARAMETER. */
-#define GRID_X0 0     /* x of column 0                                     */
-#define GRID_DX 1     /* pixel spacing in x, 1/fx                          */
-#define GRID_Y0 2     /* y of row 0                                        */
-#define GRID_DY 3     /* pixel spacing in y, 1/fy                          */
-#define HALF_INVERSE_DX 4 /* 1 / (2 dx)                                    */
-#define HALF_INVERSE_DY 5 /* 1 / (2 dy)                                    */
-#define STEP_X 6      /* largest climb of Z between horizontal neighbours  */
-#define STEP_Y 7      /* largest climb of Z between vertical neighbours    */
-#define FIRST_MODEL_PARAMETER 8
+/* Numbers of one image, in `parameters`; those of the model come last. */
+#define HALF_INVERSE_DX 0 /* 1 / (2 dx)                                    */
+#define HALF_INVERSE_DY 1 /* 1 / (2 dy)                                    */
+#define STEP_X 2          /* largest climb of Z between horizontal neighbours */
+#define STEP_Y 3          /* largest climb of Z between vertical neighbours   */
+#define STEEPEST 4        /* largest slope |dZ/dx|, |dZ/dy|                */
+#define FIRST_MODEL_PARAMETER 5
+#define PARAMETERS 16     /* length of one image's part of the buffer      */
+
+/* Whether an image of this run has met its tolerance: its cells then stay as they are. `changes` holds max |dZ| of the
+ * iterations that were queued together, shape (iterations, images).
+ */
+static inline int finished(__global const float *changes, const int iteration, const int image, const int images,
+                           const float tolerance)
+{
+    return iteration > 0 && changes[(iteration - 1) * images + image] <= tolerance;
+}

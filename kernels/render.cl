@@ -1,4 +1,4 @@
-/* The forward model: brightness of a surface from its log depth, eq. (6) and its kin.
+/* The forward model: brightness of a surface from its log depth, E = n / (k S)                              (6)
  *
  * Derivatives are central differences, one-sided beside a missing neighbour, and zero where both are missing. One
  * work-item renders one pixel: global size (width, height). Pixels without depth (flag SWEPT not set) become NaN.
@@ -8,22 +8,24 @@ static inline real slope(const real before, const real here, const real after, c
 {
     if (no_before && no_after)
         return (real)0;
-    const real scale = no_before || no_after ? (real)2 * half_inverse_spacing : half_inverse_spacing;
+    const real scale = no_before || no_after ? 2 * half_inverse_spacing : half_inverse_spacing;
     return ((no_after ? here : after) - (no_before ? here : before)) * scale;
 }
 
-__kernel void render(__global const real *log_depth,    /* Z, shape (height, width)                     */
-                     __global const uchar *flags,       /* see prelude, shape (height, width)           */
-                     __constant const real *parameters, /* see prelude and model                        */
-                     __global real *brightness,         /* result, shape (height, width)                */
-                     const int width,                   /* pixels                                       */
-                     const int height)                  /* pixels                                       */
+__kernel void render(__global const real *log_depth,  /* Z, shape (height, width)                     */
+                     __global const uchar *flags,     /* see prelude, shape (height, width)           */
+                     __global const real *parameters, /* shape (PARAMETERS,)                          */
+                     __global const real *columns,    /* x, shape (width,)                            */
+                     __global const real *lines,      /* y, shape (height,)                           */
+                     __global real *brightness,       /* result, shape (height, width)                */
+                     const int width,                 /* pixels                                       */
+                     const int height)                /* pixels                                       */
 {
     const int column = (int)get_global_id(0), row = (int)get_global_id(1);
     if (column >= width || row >= height)
         return;
     const size_t cell = (size_t)row * (size_t)width + (size_t)column;
-    const uint flag = flags[cell];
+    const int flag = flags[cell];
     if (!(flag & SWEPT)) {
         brightness[cell] = (real)NAN;
         return;
@@ -35,7 +37,5 @@ __kernel void render(__global const real *log_depth,    /* Z, shape (height, wid
     const real q = slope(log_depth[flag & NO_UP ? cell : cell - (size_t)width], here,
                          log_depth[flag & NO_DOWN ? cell : cell + (size_t)width], flag & NO_UP, flag & NO_DOWN,
                          parameters[HALF_INVERSE_DY]);
-    const real x = multiply_add((real)column, parameters[GRID_DX], parameters[GRID_X0]);
-    const real y = multiply_add((real)row, parameters[GRID_DY], parameters[GRID_Y0]);
-    brightness[cell] = reflectance_map(p, q, x, y, parameters);
+    brightness[cell] = shade(p, q, columns[column], lines[row], parameters) / surface_norm(p, q, columns[column], lines[row]);
 }

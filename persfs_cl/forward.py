@@ -30,23 +30,23 @@ def shading_model(light: ParallelLight, reflectance: Lambertian) -> str:
 
 
 def kernel_parameters(
-    grid: PixelGrid, light: ParallelLight, *, sign: float = 1.0, max_slope: float = np.inf
+    grid: PixelGrid, light: ParallelLight, *, sign: float = 1.0, max_slope: float = 1.0
 ) -> list[float]:
-    """Grid and model parameters in the order of kernels/prelude.cl and kernels/parallel_light.cl."""
-    return [
-        float(grid.x[0]),
-        grid.dx,
-        float(grid.y[0, 0]),
-        grid.dy,
-        0.5 / grid.dx,
-        0.5 / grid.dy,
-        max_slope * grid.dx,
-        max_slope * grid.dy,
-        light.p0,
-        light.q0,
-        1.0 / light.norm,
-        sign,
-    ]
+    """Numbers of one image in the order of kernels/prelude.cl and kernels/parallel_light.cl."""
+    spacing = [0.5 / grid.dx, 0.5 / grid.dy, max_slope * grid.dx, max_slope * grid.dy, max_slope]
+    return [*spacing, light.p0, light.q0, 1.0 / light.norm, sign]
+
+
+def kernel_axes(grid: PixelGrid, light: ParallelLight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Numbers of the columns and of the rows, shapes (3, width) and (3, height): see kernels/lax_friedrichs.cl.
+
+    Coordinate x, and the two terms of σx / (2 dx) = (E sqrt(1 + x²) + |x - p0| / k) / (2 dx); likewise for y.
+    """
+    tables = []
+    for coordinate, spacing, slope in ((grid.x, grid.dx, light.p0), (grid.y[:, 0], grid.dy, light.q0)):
+        root, offset = np.sqrt(1.0 + coordinate**2), np.abs(coordinate - slope) / light.norm
+        tables.append(np.stack([coordinate, root / (2.0 * spacing), offset / (2.0 * spacing)]))
+    return tables[0], tables[1]
 
 
 def render(
@@ -111,5 +111,15 @@ def render(
     # The level of Z is irrelevant under a parallel light; near zero single precision resolves its differences best.
     log_depth -= np.median(log_depth[present])
     flags = missing_neighbours(present) | present * np.uint8(SWEPT)
-    parameters = kernel_parameters(camera.grid((values.shape[0], values.shape[1])), light, max_slope=0.0)
-    return launches.render(select_device(device), model, precision, log_depth, flags, parameters).astype(np.float64)
+    grid = camera.grid((values.shape[0], values.shape[1]))
+    image = launches.render(
+        select_device(device),
+        model,
+        precision,
+        log_depth,
+        flags,
+        kernel_parameters(grid, light),
+        grid.x,
+        grid.y[:, 0],
+    )
+    return image.astype(np.float64)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from persfs_cl import Camera, Device, ParallelLight
-from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.launches import Sweeper, Tuning
+from persfs_cl.problem import Problem, prepare
 from persfs_cl.reference import Reference
-from persfs_cl.solver import Problem, prepare
 
 
 def random_problem(
@@ -30,37 +30,29 @@ def random_problem(
     if mask.any() and not (mask & np.isnan(known)).any():
         known[:] = np.nan
         known[row, column] = 1.0
-    return prepare(
-        image,
-        Camera(focal_length=(1.1 * max(shape) + 3, 0.9 * max(shape) + 3)),
-        light=light,
-        mask=mask | (np.arange(shape[1]) < 2),
-        walls=None,
-        known_depth=known,
-        surface=surface,
-        boundary=boundary,
-        max_slope=30.0,
-    )
+    camera = Camera(focal_length=(1.1 * max(shape) + 3, 0.9 * max(shape) + 3))
+    return prepare(image, camera, mask | (np.arange(shape[1]) < 2), None, known, light, surface, boundary, 30.0)
 
 
-def sweeper(problem: Problem, device: Device, precision: str, ordering: str, *, linear: bool = False) -> Sweeper:
+def sweeper(
+    problem: Problem,
+    device: Device,
+    precision: str,
+    ordering: str,
+    *,
+    linear: bool = False,
+    tuning: Tuning | None = None,
+) -> Sweeper:
     """The problem on a device."""
-    boundary = problem.domain.boundary
     return Sweeper(
         device,
+        [problem.numbers],
         model="parallel_light",
         scheme="lax_friedrichs",
         ordering=ordering,
         precision=precision,
-        log_depth=problem.start,
-        brightness=problem.brightness,
-        flags=problem.domain.flags,
-        parameters=problem.parameters,
-        cells=boundary.cells,
-        inwards=boundary.inwards,
-        edges=boundary.edges,
         linear=linear,
-        lowest=0.0,
+        tuning=tuning,
     )
 
 
@@ -68,7 +60,7 @@ def reference(problem: Problem, *, linear: bool = False) -> Reference:
     """The problem in NumPy."""
     return Reference(
         log_depth=problem.start.copy(),
-        brightness=problem.brightness,
+        brightness=problem.image,
         flags=problem.domain.flags,
         boundary=problem.domain.boundary,
         grid=problem.grid,

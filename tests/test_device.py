@@ -14,6 +14,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl import device as device_module
 from persfs_cl._cl.device import select_device
+from persfs_cl._cl.launches import Tuning
 from persfs_cl._cl.program import program
 
 
@@ -39,7 +40,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def install(*handles: Any) -> list[ps.Device]:
         platforms = [SimpleNamespace(name=h.platform.name, get_devices=lambda h=h: [h]) for h in handles]
-        monkeypatch.setattr(device_module.cl, "get_platforms", lambda: platforms)
+        monkeypatch.setattr(cl, "get_platforms", lambda: platforms)
         monkeypatch.delenv("PYOPENCL_CTX", raising=False)
         device_module._all_devices.cache_clear()
         return ps.devices()
@@ -128,12 +129,15 @@ def test_a_missing_kernel_file_says_to_reinstall() -> None:
 
 
 def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> None:
-    for ordering, sizes in (
-        ("lexicographic", {}),
-        ("wavefront", {"TILE_ROWS": 8, "TILE_COLUMNS": 8}),
-        ("checkerboard", {}),
+    for variant, lanes in (
+        ("lexicographic", 1),
+        ("wavefront_tiles", 1),
+        ("wavefront_strips", 8),
+        ("checkerboard", 1),
+        ("checkerboard", 8),
     ):
-        program(device, ["parallel_light", "lax_friedrichs", "cell", ordering], precision, sizes)
+        tuning = Tuning(variant, lanes=lanes)
+        program(device, ["parallel_light", "lax_friedrichs", "cell", variant], precision, tuning.definitions)
     program(device, ["parallel_light", "render"], precision)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,8 @@ def test_geometry_belongs_together(solution: ps.Solution) -> None:
     assert (np.isnan(lengths) == ~solution.solved).all()
     mesh = solution.mesh()
     assert len(mesh.vertices) == solution.solved.sum()
-    assert mesh.visual.vertex_colors.shape == (len(mesh.vertices), 4)
+    visual: Any = mesh.visual
+    assert visual.vertex_colors.shape == (len(mesh.vertices), 4)
 
 
 def test_the_rendered_surface_resembles_the_image(solution: ps.Solution) -> None:

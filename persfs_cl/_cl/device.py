@@ -32,6 +32,8 @@ class Device:
     name, platform, platform_version, driver_version : str
     kind : str
         "cpu", "gpu" or "other".
+    is_pocl : bool
+        Whether the driver is PoCL.
     has_float64 : bool
         Whether ``precision="float64"`` works.
     memory : int
@@ -48,6 +50,7 @@ class Device:
         self.platform_version: str = handle.platform.version.strip()
         self.driver_version: str = handle.driver_version.strip()
         self.kind = _kind(handle)
+        self.is_pocl = "PoCL" in self.platform_version
         self.has_float64 = bool(handle.double_fp_config)
         self.memory: int = handle.global_mem_size
         self.compute_units: int = handle.max_compute_units

@@ -1,8 +1,9 @@
-"""Launches: one image's arrays on a device, and the kernels that act on them."""
+"""Launches: images on a device, and the kernels that act on them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,25 +11,24 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.layout import NONE, Layout
 from persfs_cl._cl.program import program
 from persfs_cl.errors import DeviceError
 
 DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """The four sweeps as (leftwards, upwards), in the paper's order."""
 
-_TILE_ROWS = 32
-_TILE_COLUMNS = 64
+_SWEPT = 1
+_MISSING = 2 | 4 | 8 | 16
+_PARAMETERS = 16
 
 
-class Sweeper:
-    """Log depth of one image on a device, and the steps of an iteration.
+@dataclass(frozen=True)
+class Grid:
+    """One image in numbers, as the kernels want them.
 
-    Parameters
+    Attributes
     ----------
-    device : Device
-    model, scheme, ordering : str
-        Names of the kernel files.
-    precision : {"float32", "float64"}
     log_depth : ndarray, shape (height, width)
         Start values, known values included.
     brightness : ndarray, shape (height, width)
@@ -36,12 +36,109 @@ class Sweeper:
     flags : ndarray of uint8, shape (height, width)
         See :mod:`persfs_cl.domain`.
     parameters : sequence of float
-        Grid and model parameters in the order of the kernels.
-    cells, inwards, edges : see :class:`persfs_cl.domain.Boundary`
+        Grid and model parameters in the order of kernels/prelude.cl.
+    x_axis, y_axis : ndarray, shapes (3, width) and (3, height)
+        Coordinates and the two terms of the viscosity: see kernels/lax_friedrichs.cl.
+    cells, inwards, edges
+        See :class:`persfs_cl.domain.Boundary`.
+    """
+
+    log_depth: NDArray[np.floating]
+    brightness: NDArray[np.floating]
+    flags: NDArray[np.uint8]
+    parameters: Sequence[float]
+    x_axis: NDArray[np.float64]
+    y_axis: NDArray[np.float64]
+    cells: NDArray[np.int32]
+    inwards: NDArray[np.int32]
+    edges: int
+
+    @property
+    def marked_brightness(self) -> NDArray[np.floating]:
+        """E as the kernels read it: NaN where not swept, with its sign set where a neighbour is missing."""
+        marked = np.where(self.flags & _SWEPT, self.brightness, np.nan)
+        on_rim = (self.flags & _MISSING) != 0
+        marked[on_rim] = -marked[on_rim]
+        return marked
+
+    @property
+    def beside(self) -> NDArray[np.int64]:
+        """Pixels left, right, up and down of each boundary cell, or NONE; shape (cells, 4)."""
+        width = self.flags.shape[1]
+        flags = self.flags.ravel()[self.cells]
+        steps = ((2, -1), (4, 1), (8, -width), (16, width))
+        return np.stack([np.where(flags & bit, NONE, self.cells + step) for bit, step in steps], axis=1)
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """How the sweeps are laid out on a device; the results do not depend on it.
+
+    Attributes
+    ----------
+    variant : str
+        Kernel file of the sweep.
+    lanes : int
+        Cells a work-item updates at once.
+    bands : int
+        Vectors a strip of the wavefront is high.
+    work_groups : int
+        How many run along strips at a time.
+    """
+
+    variant: str
+    lanes: int = 1
+    bands: int = 1
+    work_groups: int = 1
+
+    @classmethod
+    def of(cls, device: Device, ordering: str, height: int) -> Tuning:
+        """What suits a device.
+
+        Strips want few work-groups with wide vectors, and groups that may wait for each other: a CPU runs a group to
+        its end without interruption by others. Elsewhere the wavefront goes tile by tile, without waiting.
+        """
+        on_cpu = device.kind == "cpu"
+        lanes = 8 if on_cpu else 1
+        if ordering == "checkerboard":
+            return cls("checkerboard", lanes=lanes)
+        if ordering == "wavefront" and on_cpu:
+            bands = 4 if height > 256 else 2
+            return cls("wavefront_strips", lanes=lanes, bands=bands, work_groups=device.compute_units)
+        return cls("wavefront_tiles" if ordering == "wavefront" else "lexicographic")
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """Constants of the program."""
+        sizes = {"wavefront_tiles": {"TILE_ROWS": 32, "TILE_COLUMNS": 64}, "wavefront_strips": {"BANDS": self.bands}}
+        return {"LANES": self.lanes, **sizes.get(self.variant, {})}
+
+    def layout(self, shape: tuple[int, int]) -> Layout:
+        """How an image must lie for this variant."""
+        if self.variant == "checkerboard":
+            return Layout.columns_apart(shape, self.lanes)
+        return Layout.padded(shape, 8 * self.bands + 8 if self.variant == "wavefront_strips" else 1)
+
+
+class Sweeper:
+    """Images of one size on a device, and the steps of the iteration. An image that has converged rests.
+
+    Parameters
+    ----------
+    device : Device
+    grids : sequence of Grid
+        At least one, all of one shape.
+    model, scheme, ordering : str
+        Names of the kernel files; the ordering's variant is chosen for the device.
+    precision : {"float32", "float64"}
+    tolerance : float
+        max |ΔZ| of an iteration at which an image rests.
     linear : bool
         Extrapolate the boundary cells instead of letting the surface flow out.
     lowest : float
         Floor of the extrapolation.
+    tuning : Tuning, optional
+        In place of the device's own.
 
     Raises
     ------
@@ -52,142 +149,235 @@ class Sweeper:
     def __init__(
         self,
         device: Device,
+        grids: Sequence[Grid],
         *,
         model: str,
         scheme: str,
         ordering: str,
         precision: str,
-        log_depth: NDArray[np.floating],
-        brightness: NDArray[np.floating],
-        flags: NDArray[np.uint8],
-        parameters: Sequence[float],
-        cells: NDArray[np.int32],
-        inwards: NDArray[np.int32],
-        edges: int,
-        linear: bool,
-        lowest: float,
+        tolerance: float = 0.0,
+        linear: bool = False,
+        lowest: float = 0.0,
+        tuning: Tuning | None = None,
     ) -> None:
         self._device = device
         self._real = device.real(precision)
-        self.height, self.width = log_depth.shape
-        self._ordering = ordering
-        definitions = {"TILE_ROWS": _TILE_ROWS, "TILE_COLUMNS": _TILE_COLUMNS} if ordering == "wavefront" else {}
-        sweeping = program(device, [model, scheme, "cell", ordering], precision, definitions)
+        self.count = len(grids)
+        height, width = grids[0].log_depth.shape
+        self.tuning = tuning or Tuning.of(device, ordering, height)
+        self._layout = layout = self.tuning.layout((height, width))
+        # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
+        self._tolerance = np.float32(tolerance)
+        if self._tolerance > tolerance:
+            self._tolerance = np.nextafter(self._tolerance, np.float32(0.0))
+        self._sweeps = 0
+        self._row = 0
+        self._rested = np.zeros(self.count, bool)
+        self.kernel_seconds = 0.0
+
+        sweeping = program(device, [model, scheme, "cell", self.tuning.variant], precision, self.tuning.definitions)
         common = program(device, ["boundary", "change"], precision)
 
-        self._log_depth = _upload(device, log_depth, self._real)
-        self._previous = _upload(device, log_depth, self._real)
-        self._parameters = _upload(device, np.asarray(parameters), self._real)
-        flag_buffer = _upload(device, flags, np.dtype(np.uint8))
-
+        stored = self._stack([layout.store(grid.log_depth, 0.0, self._real) for grid in grids])
+        self._log_depth = self._upload(stored)
+        self._previous = self._upload(stored)
+        strips = self.tuning.variant == "wavefront_strips"
+        parameters = np.zeros((self.count, _PARAMETERS))
+        for numbers, grid in zip(parameters, grids, strict=True):
+            numbers[: len(grid.parameters)] = grid.parameters
+        self._parameters = self._upload(parameters.astype(self._real))
+        self._changes = self._buffer(4 * self.count)
         self._sweep = cl.Kernel(sweeping, "sweep")
-        integers = {"lexicographic": 4, "wavefront": 6, "checkerboard": 3}[ordering]
-        self._sweep.set_scalar_arg_dtypes([None] * 4 + [np.int32] * integers)
-        self._sweep_buffers = (self._log_depth, _upload(device, brightness, self._real), flag_buffer, self._parameters)
-
-        self._renew: cl.Kernel | None = None
-        if len(cells):
-            self._renew = cl.Kernel(common, "renew_boundary")
-            self._renew.set_scalar_arg_dtypes([None] * 6 + [np.int32] * 4 + [self._real])
-            self._renew_arguments = (
-                self._log_depth,
-                flag_buffer,
-                self._parameters,
-                _upload(device, cells, np.dtype(np.int32)),
-                _upload(device, inwards, np.dtype(np.int32)),
-                _buffer(device, len(cells) * self._real.itemsize),
-                self.width,
-                edges,
-                len(cells) - edges,
-                int(linear),
-                lowest,
-            )
-            self._renew_items = min(256, _group_size(self._renew, device))
+        self._sweep_buffers = (
+            self._log_depth,
+            self._upload(self._stack([layout.store(grid.marked_brightness, np.nan, self._real) for grid in grids])),
+            self._upload(self._stack([layout.store(grid.flags, 0, np.dtype(np.uint8)) for grid in grids])),
+            self._parameters,
+            self._upload(
+                self._stack([layout.column_table(grid.x_axis, reversed_too=strips) for grid in grids]).astype(
+                    self._real
+                )
+            ),
+            self._upload(self._stack([layout.row_table(grid.y_axis) for grid in grids]).astype(self._real)),
+        )
+        integers = {"lexicographic": 8, "wavefront_tiles": 10, "checkerboard": 3, "wavefront_strips": 8}
+        scalars: list[Any] = [None] * 7 + [np.int32, np.float32] + [np.int32] * integers[self.tuning.variant]
+        if strips:
+            strip_count = -(-height // (8 * self.tuning.bands))
+            self._sync = np.zeros(2 + self.count * strip_count, np.int32)
+            self._sync_buffer = self._upload(self._sync)
+            scalars += [None, np.int32, np.int32]
+        self._sweep.set_scalar_arg_dtypes(scalars)
+        self._prepare_boundary(common, grids, linear, lowest)
 
         self._change = cl.Kernel(common, "change")
-        self._change.set_scalar_arg_dtypes([None] * 4 + [np.uint32])
+        self._change.set_scalar_arg_dtypes([None] * 3 + [np.int32, np.float32, np.int32])
         self._change_items = min(64, _group_size(self._change, device))
-        groups = max(1, min(4 * device.compute_units, log_depth.size // (4 * self._change_items)))
-        self._largest = np.empty(groups, self._real)
-        self._largest_buffer = _buffer(device, self._largest.nbytes)
-        self.kernel_seconds = 0.0
-        self._first: Any = None
+        self._change_groups = max(1, min(4 * device.compute_units, layout.size // (4 * self._change_items)))
 
-    def iterate(self) -> float:
-        """Run the four sweeps, renewing the boundary after each.
+    def run(self, iterations: int) -> NDArray[np.float64]:
+        """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
+
+        Parameters
+        ----------
+        iterations : int
+            How many to queue. An image skips those after the one that met the tolerance.
 
         Returns
         -------
-        float
-            max |ΔZ| over the iteration.
+        ndarray of float64, shape (iterations, images)
+            max |ΔZ| of each iteration, in single precision; 0 for those that were skipped.
+
+        Raises
+        ------
+        DeviceError
+            When work-groups waited for each other in vain.
         """
         with self._device.lock:
-            for number, (leftwards, upwards) in enumerate(DIRECTIONS):
-                self.sweep(number, leftwards, upwards)
-                self.renew_boundary()
-            return self.change()
+            self._begin(iterations)
+            first: Any = None
+            for _ in range(iterations):
+                for number in range(4):
+                    event = self.sweep(number)
+                    first = first or event
+                    self.renew_boundary()
+                last = self._measure()
+            changes = self._changes_host
+            cl.enqueue_copy(self._device.queue, changes, self._changes)
+            self._check_waits()
+            self.kernel_seconds += 1e-9 * (last.profile.end - first.profile.start)
+        rows = changes[1:]
+        self._rested |= (rows <= self._tolerance).any(axis=0)
+        self._row = 0
+        return rows.astype(np.float64)
 
-    def sweep(self, number: int, leftwards: int, upwards: int) -> None:
-        """Run one sweep.
+    def sweep(self, number: int) -> Any:
+        """Queue one sweep of all images.
 
         Parameters
         ----------
         number : int
-            Position in the iteration, 0 to 3; the checkerboard begins with red and black in turn.
-        leftwards, upwards : {0, 1}
-            Direction; without meaning for the checkerboard.
+            0 to 3: the direction, see :data:`DIRECTIONS`; the checkerboard begins with red and black in turn.
         """
-        size = (self.width, self.height)
-        if self._ordering == "lexicographic":
-            self._launch(self._sweep, (1,), (1,), *self._sweep_buffers, *size, leftwards, upwards)
-        elif self._ordering == "checkerboard":
-            for colour in (number % 2, (number + 1) % 2):
-                cells = ((self.width + 1) // 2, self.height)
-                self._launch(self._sweep, cells, None, *self._sweep_buffers, *size, colour)
+        if not self._row:
+            self._begin(1)
+        layout, tuning, queue = self._layout, self.tuning, self._device.queue
+        common = (*self._sweep_buffers, self._changes, self._row, self._tolerance, layout.rows, layout.stride)
+        image = (layout.first_row, layout.first_column, layout.height, layout.width)
+        if tuning.variant == "checkerboard":
+            size = (layout.stride // 2 // tuning.lanes, layout.rows - 2, self.count)
+            stored_parity = layout.first_row + layout.first_column
+            event = self._sweep(queue, size, None, *common, (stored_parity + number) % 2)
+            self._sweep(queue, size, None, *common, (stored_parity + number + 1) % 2)
+        elif tuning.variant == "lexicographic":
+            event = self._sweep(queue, (self.count,), (1,), *common, *image, *DIRECTIONS[number])
+        elif tuning.variant == "wavefront_strips":
+            groups = (tuning.work_groups,)
+            run = (self._sync_buffer, self.count, self._sweeps)
+            event = self._sweep(queue, groups, (1,), *common, *image, *DIRECTIONS[number], *run)
         else:
-            rows = -(-self.height // _TILE_ROWS)
-            columns = -(-self.width // _TILE_COLUMNS)
-            for diagonal in range(rows + columns - 1):
-                first = max(0, diagonal - columns + 1)
-                tiles = min(diagonal, rows - 1) - first + 1
-                arguments = (*size, leftwards, upwards, diagonal, first)
-                self._launch(self._sweep, (tiles * _TILE_ROWS,), (_TILE_ROWS,), *self._sweep_buffers, *arguments)
+            high, wide = tuning.definitions["TILE_ROWS"], tuning.definitions["TILE_COLUMNS"]
+            tile_rows, tile_columns = -(-layout.height // high), -(-layout.width // wide)
+            event = None
+            for diagonal in range(tile_rows + tile_columns - 1):
+                begin = max(0, diagonal - tile_columns + 1)
+                tiles = min(diagonal, tile_rows - 1) - begin + 1
+                tile = (*DIRECTIONS[number], diagonal, begin)
+                launched = self._sweep(queue, (tiles * high, self.count), (high, 1), *common, *image, *tile)
+                event = event or launched
+        self._sweeps += 1
+        return event
 
     def renew_boundary(self) -> None:
-        """Renew the boundary cells from inside, eq. (12)."""
+        """Queue the renewal of the boundary cells from inside, eq. (12)."""
         if self._renew is not None:
-            items = (self._renew_items,)
-            self._launch(self._renew, items, items, *self._renew_arguments)
-
-    def change(self) -> float:
-        """max |ΔZ| since the last call; waits for the device."""
-        items = self._change_items
-        event = self._launch(
-            self._change,
-            (len(self._largest) * items,),
-            (items,),
-            self._log_depth,
-            self._previous,
-            self._largest_buffer,
-            cl.LocalMemory(items * self._real.itemsize),
-            self.height * self.width,
-        )
-        cl.enqueue_copy(self._device.queue, self._largest, self._largest_buffer)
-        self.kernel_seconds += 1e-9 * (event.profile.end - self._first.profile.start)
-        self._first = None
-        return float(self._largest.max())
+            items = self._renew_items
+            self._renew(
+                self._device.queue,
+                (items, self.count),
+                (items, 1),
+                self._log_depth,
+                self._parameters,
+                *self._renew_buffers,
+                self._changes,
+                self._row,
+                self._tolerance,
+                *self._renew_scalars,
+            )
 
     def log_depth(self) -> NDArray[np.floating]:
-        """A copy of the values as they are now, shape (height, width)."""
-        values = np.empty((self.height, self.width), self._real)
-        cl.enqueue_copy(self._device.queue, values, self._log_depth)
-        return values
+        """A copy of the values as they are now, shape (images, height, width)."""
+        stored = np.empty((self.count, self._layout.rows, self._layout.stride), self._real)
+        cl.enqueue_copy(self._device.queue, stored, self._log_depth)
+        self._check_waits()
+        return np.stack([self._layout.take(values) for values in stored])
 
-    def _launch(self, kernel: cl.Kernel, size: tuple[int, ...], group: tuple[int, ...] | None, *arguments: Any) -> Any:
-        event = kernel(self._device.queue, size, group, *arguments)
-        if self._first is None:
-            self._first = event
+    def _begin(self, iterations: int) -> None:
+        """Clear the record of changes; its row 0 says which images rest."""
+        host = np.zeros((iterations + 1, self.count), np.float32)
+        host[0] = np.where(self._rested, -1.0, np.inf)
+        if self._changes.size != host.nbytes:
+            self._changes = self._buffer(host.nbytes)
+        cl.enqueue_copy(self._device.queue, self._changes, host)
+        self._changes_host = host
+        self._row = 1
+
+    def _measure(self) -> Any:
+        items = self._change_items
+        event = self._change(
+            self._device.queue,
+            (self._change_groups * items, self.count),
+            (items, 1),
+            self._log_depth,
+            self._previous,
+            self._changes,
+            self._row,
+            self._tolerance,
+            self._layout.size,
+        )
+        self._row += 1
         return event
+
+    def _check_waits(self) -> None:
+        if self.tuning.variant != "wavefront_strips":
+            return
+        cl.enqueue_copy(self._device.queue, self._sync[:2], self._sync_buffer)
+        if self._sync[1]:
+            raise DeviceError(
+                f"{self._device}: a work-group waited for another in vain. The processor is overloaded, or the device "
+                "does not run work-groups side by side: try again, or use ordering='checkerboard'."
+            )
+
+    def _prepare_boundary(self, common: cl.Program, grids: Sequence[Grid], linear: bool, lowest: float) -> None:
+        counts = np.array([len(grid.cells) for grid in grids])
+        self._renew: cl.Kernel | None = None
+        if not counts.any():
+            return
+        edges = np.array([grid.edges for grid in grids])
+        begins = np.cumsum(counts) - counts
+        layout = self._layout
+        self._renew = cl.Kernel(common, "renew_boundary")
+        scalars = [np.int32, np.float32, np.int32, np.int32, np.float32]
+        self._renew.set_scalar_arg_dtypes([None] * 8 + scalars)
+        self._renew_items = min(256, _group_size(self._renew, self._device))
+        self._renew_buffers = (
+            self._upload(np.stack([begins, edges, counts - edges], axis=1).astype(np.int32)),
+            self._upload(np.concatenate([layout.cells(grid.cells) for grid in grids])),
+            self._upload(np.concatenate([layout.cells(grid.inwards) for grid in grids])),
+            self._upload(np.concatenate([layout.cells(grid.beside) for grid in grids])),
+            self._buffer(int(counts.sum()) * self._real.itemsize),
+        )
+        self._renew_scalars = (layout.size, int(linear), lowest)
+
+    @staticmethod
+    def _stack(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        return arrays[0][None] if len(arrays) == 1 else np.stack(arrays)
+
+    def _upload(self, values: NDArray[Any]) -> cl.Buffer:
+        return _upload(self._device, values)
+
+    def _buffer(self, size: int) -> cl.Buffer:
+        return _buffer(self._device, size)
 
 
 def render(
@@ -197,6 +387,8 @@ def render(
     log_depth: NDArray[np.floating],
     flags: NDArray[np.uint8],
     parameters: Sequence[float],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
 ) -> NDArray[np.floating]:
     """Brightness of a surface, eq. (6); NaN where the flag SWEPT is not set. Shape (height, width)."""
     real = device.real(precision)
@@ -204,15 +396,15 @@ def render(
     result = np.empty((height, width), real)
     with device.lock:
         kernel = cl.Kernel(program(device, [model, "render"], precision), "render")
-        kernel.set_scalar_arg_dtypes([None] * 4 + [np.int32] * 2)
+        kernel.set_scalar_arg_dtypes([None] * 6 + [np.int32] * 2)
         brightness = _buffer(device, result.nbytes)
         kernel(
             device.queue,
             (width, height),
             None,
-            _upload(device, log_depth, real),
-            _upload(device, flags, np.dtype(np.uint8)),
-            _upload(device, np.asarray(parameters), real),
+            _upload(device, log_depth.astype(real)),
+            _upload(device, flags),
+            *(_upload(device, np.asarray(numbers, dtype=real)) for numbers in (parameters, x, y)),
             brightness,
             width,
             height,
@@ -228,8 +420,8 @@ def _group_size(kernel: cl.Kernel, device: Device) -> int:
     return 1 << (int(limit).bit_length() - 1)
 
 
-def _upload(device: Device, values: NDArray[Any], kind: np.dtype[Any]) -> cl.Buffer:
-    host = np.ascontiguousarray(values, dtype=kind)
+def _upload(device: Device, values: NDArray[Any]) -> cl.Buffer:
+    host = np.ascontiguousarray(values)
     try:
         return cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=host)
     except cl.MemoryError as error:

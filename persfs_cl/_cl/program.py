@@ -53,14 +53,21 @@ def program(
         Kernel files in order; the prelude is put before them.
     precision : {"float32", "float64"}
     definitions : mapping, optional
-        Preprocessor constants: work-group sizes, nothing else.
+        Preprocessor constants: sizes of work-groups and vectors, nothing else.
 
     Raises
     ------
     KernelBuildError
         With the compiler's log, which names files and lines.
     """
-    constants = {"USE_DOUBLE": int(precision == "float64"), **(definitions or {})}
+    constants = {
+        "USE_DOUBLE": int(precision == "float64"),
+        "LANES": 1,
+        # PoCL keeps its mathematical functions out of line, which costs more than the fused operation saves.
+        "FUSED": int(not device.is_pocl),
+        "FAST_SQRT": int(device.is_pocl),
+        **(definitions or {}),
+    }
     key = (tuple(names), tuple(sorted(constants.items())))
     with device.lock:
         if key not in device.programs:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -11,17 +12,16 @@ import persfs_cl
 from persfs_cl.cli.compare import compare
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
+from persfs_cl.cli.progress import INTERRUPTED
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.cli.render import render
 from persfs_cl.errors import DeviceError, PersfsError
 
-_INPUT_FAILED, _NO_DEVICE, _INTERRUPTED = 1, 3, 130
+_INPUT_FAILED, _NO_DEVICE = 1, 3
 
-# A blank line is the only break that every version of typer keeps.
 _EPILOG = """[bold]Exit status[/bold]
 
-0: done. 1: an input could not be used, or a file not be written; standard error says which and why.
-
+0: done. 1: an input could not be used, or a result not be written; standard error says which and why.
 2: the command line is wrong. 3: no usable OpenCL device. 130: interrupted by Ctrl-C.
 """
 _RECONSTRUCT_EPILOG = """[bold]Examples[/bold]
@@ -64,25 +64,34 @@ class _Commands(TyperGroup):
             raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
-            raise typer.Exit(_INTERRUPTED) from error
+            raise typer.Exit(INTERRUPTED) from error
+
+
+def _paragraphs(text: str) -> str:
+    """The text with its lines joined, because some versions of typer keep line ends and others do not."""
+    return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
 
 
 app = typer.Typer(
     name="persfs-cl",
     cls=_Commands,
     help="Shape from one shaded photograph, on any OpenCL device.",
-    epilog=_EPILOG,
+    epilog=_paragraphs(_EPILOG),
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command(epilog=_RECONSTRUCT_EPILOG)(reconstruct)
-app.command(epilog=_RENDER_EPILOG)(render)
-app.command(epilog=_COMPARE_EPILOG)(compare)
-app.command()(devices)
-app.command()(demo)
+_COMMANDS: dict[Callable[..., None], str] = {
+    reconstruct: _RECONSTRUCT_EPILOG,
+    render: _RENDER_EPILOG,
+    compare: _COMPARE_EPILOG,
+    devices: "",
+    demo: "",
+}
+for _command, _epilog in _COMMANDS.items():
+    app.command(help=_paragraphs(_command.__doc__ or ""), epilog=_paragraphs(_epilog))(_command)
 
 
 def _version(wanted: bool) -> None:

@@ -7,9 +7,13 @@ import sys
 from typing import Annotated
 
 import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
 
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl._cl.device import devices as list_devices
+from persfs_cl.errors import DeviceError
 
 
 def devices(as_json: Annotated[bool, typer.Option("--json", help="Print a JSON array.")] = False) -> None:
@@ -18,16 +22,21 @@ def devices(as_json: Annotated[bool, typer.Option("--json", help="Print a JSON a
     The default device, marked *, is the first, unless the environment variable PYOPENCL_CTX says otherwise.
     """
     found = list_devices()
-    if as_json and not found:
-        typer.echo("[]")
-    default = select_device()
+    problem = None
+    default = None
+    try:
+        default = select_device()
+    except DeviceError as error:
+        problem = error
     if as_json:
         typer.echo(json.dumps([_entry(device, default) for device in found], indent=2))
-    else:
+    elif found:
         _table(found, default)
+    if problem:
+        raise problem
 
 
-def _entry(device: Device, default: Device) -> dict[str, object]:
+def _entry(device: Device, default: Device | None) -> dict[str, object]:
     return {
         "index": device.index,
         "default": device is default,
@@ -42,11 +51,7 @@ def _entry(device: Device, default: Device) -> dict[str, object]:
     }
 
 
-def _table(found: list[Device], default: Device) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
+def _table(found: list[Device], default: Device | None) -> None:
     table = Table(box=box.SIMPLE)
     for title in ("index", "kind", "name", "platform", "version", "driver", "float64", "memory", "units"):
         table.add_column(title, overflow="fold", justify="right" if title in ("memory", "units") else "left")
@@ -65,4 +70,5 @@ def _table(found: list[Device], default: Device) -> None:
     # A file or pipe has no width to fit: one line a device.
     console = Console(width=None if sys.stdout.isatty() else 250, markup=False, highlight=False)
     console.print(table)
-    console.print("* is the default device.")
+    if default:
+        console.print("* is the default device.")

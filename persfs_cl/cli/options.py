@@ -117,23 +117,25 @@ class CameraOptions:
         Raises
         ------
         typer.BadParameter
-            When a text is no list of numbers, or both --focal-length and --fov are given.
+            When a text is no list of numbers, a number is impossible, or both --focal-length and --fov are given.
         """
         if focal_length is not None and fov is not None:
             raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
-        length = _numbers("--focal-length", focal_length)
-        point = _numbers("--principal-point", principal_point)
-        if length is not None and len(length) > 2:
-            raise typer.BadParameter(
-                f"{focal_length!r} is not one number, or two: fx,fy.", param_hint="'--focal-length'"
-            )
-        if point is not None and len(point) != 2:
-            raise typer.BadParameter(
-                f"{principal_point!r} is not two numbers: column,row.", param_hint="'--principal-point'"
-            )
-        return cls(
-            length and (length[0] if len(length) == 1 else (length[0], length[1])), fov, point and (point[0], point[1])
-        )
+        length: float | tuple[float, float] | None = None
+        if focal_length is not None:
+            fx, *fy = _numbers("--focal-length", focal_length, "one number, or two, fx,fy", (1, 2))
+            length = (fx, fy[0]) if fy else fx
+        point = None
+        if principal_point is not None:
+            column, row = _numbers("--principal-point", principal_point, "two numbers, column,row", (2,))
+            point = column, row
+        options = cls(length, fov, point)
+        if length is not None or fov is not None:
+            try:
+                options.camera(Path(), (1, 1))
+            except CameraError as error:
+                raise typer.BadParameter(str(error), param_hint=_EITHER) from error
+        return options
 
     def require(self) -> None:
         """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is no photo.
@@ -158,25 +160,21 @@ class CameraOptions:
 
         Raises
         ------
-        typer.BadParameter
-            When an option is impossible.
         CameraError
             When the EXIF data lack the focal length.
         """
-        try:
-            if self.focal_length is not None:
-                return Camera(self.focal_length, self.principal_point)
-            if self.fov is not None:
-                return Camera.from_fov(self.fov, shape, self.principal_point)
-        except CameraError as error:
-            raise typer.BadParameter(str(error), param_hint=_EITHER) from error
+        if self.focal_length is not None:
+            return Camera(self.focal_length, self.principal_point)
+        if self.fov is not None:
+            return Camera.from_fov(self.fov, shape, self.principal_point)
         return replace(Camera.from_exif(path), principal_point=self.principal_point)
 
 
-def _numbers(option: str, text: str | None) -> list[float] | None:
-    if text is None:
-        return None
+def _numbers(option: str, text: str, meaning: str, counts: tuple[int, ...]) -> list[float]:
     try:
-        return [float(part) for part in text.split(",")]
-    except ValueError as error:
-        raise typer.BadParameter(f"{text!r} is not numbers, separated by commas.", param_hint=f"'{option}'") from error
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
+        raise typer.BadParameter(f"{text!r} is not {meaning}, in pixels.", param_hint=f"'{option}'")
+    return numbers

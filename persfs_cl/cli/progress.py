@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import _thread
 import math
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
 from types import FrameType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it: 128 + SIGINT."""
 
 
 def remaining_iterations(changes: Sequence[float], tolerance: float, max_iterations: int) -> int:
@@ -50,25 +59,55 @@ def progress_line(tolerance: float, max_iterations: int) -> Iterator[Callable[[i
     if not sys.stderr.isatty():
         yield lambda _iteration, _change: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
     changes: list[float] = []
-    columns = (
-        TextColumn("iteration {task.completed:.0f}  change {task.fields[change]}"),
-        BarColumn(),
-        TimeRemainingColumn(),
-        TextColumn("left, at a guess"),
-    )
+    began = time.perf_counter()
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as line:
-        task = line.add_task("", total=None, change="-")
+        task = line.add_task("preparing", total=None, left="")
 
         def show(iteration: int, change: float) -> None:
+            nonlocal began
             changes.append(change)
-            total = iteration + remaining_iterations(changes, tolerance, max_iterations)
-            line.update(task, completed=iteration, total=total, change=f"{change:.1e}")
+            if iteration == 1:  # which took longer: kernels may have been compiled
+                began = time.perf_counter()
+                return
+            rest = remaining_iterations(changes, tolerance, max_iterations)
+            seconds = rest * (time.perf_counter() - began) / (iteration - 1)
+            line.update(
+                task,
+                description=f"iteration {iteration}, change {change:.1e}",
+                completed=iteration,
+                total=iteration + rest,
+                left=f"about {timedelta(seconds=min(math.ceil(seconds), 10**9))} left",
+            )
 
         yield show
+
+
+@contextmanager
+def writing() -> Iterator[None]:
+    """A line on standard error while results are written, if that is a terminal; Ctrl-C is sure to end the block.
+
+    Python drops exceptions in the callbacks of weak references, which drawing runs by the thousand. A dropped
+    KeyboardInterrupt is raised again a moment later.
+    """
+    usual = sys.unraisablehook
+
+    def again(dropped: sys.UnraisableHookArgs) -> None:
+        if isinstance(dropped.exc_value, KeyboardInterrupt):
+            threading.Timer(0.01, _thread.interrupt_main).start()
+        else:
+            usual(dropped)
+
+    sys.unraisablehook = again
+    try:
+        if sys.stderr.isatty():
+            with Console(stderr=True).status("writing the results"):
+                yield
+        else:
+            yield
+    finally:
+        sys.unraisablehook = usual
 
 
 @contextmanager

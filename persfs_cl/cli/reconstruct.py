@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import numpy as np
 import typer
 
 from persfs_cl.cli.options import (
@@ -22,14 +20,12 @@ from persfs_cl.cli.options import (
     finite,
     positive,
 )
-from persfs_cl.cli.output import check_folder, filling
-from persfs_cl.cli.photo import Brightness, Normalise
-from persfs_cl.cli.progress import progress_line, stop_on_interrupt
-from persfs_cl.errors import CameraError, InputError
-from persfs_cl.images import Channel, Encoding, read_depth, read_mask, read_photo
+from persfs_cl.cli.output import check_folder
+from persfs_cl.cli.photo import Brightness, Normalise, solve_photo
+from persfs_cl.cli.progress import INTERRUPTED, progress_line, stop_on_interrupt, writing
+from persfs_cl.images import Channel, Encoding
 from persfs_cl.light import ParallelLight
 from persfs_cl.solution import Solution, Status
-from persfs_cl.solver import reconstruct as solve
 
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
@@ -37,7 +33,6 @@ Scheme = Literal["auto", "lax-friedrichs"]
 Ordering = Literal["wavefront", "checkerboard", "lexicographic"]
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
-_INTERRUPTED = 130
 
 
 def _odd(value: int) -> int:
@@ -53,7 +48,7 @@ def _percentile(value: float | None) -> float | None:
 
 
 def reconstruct(
-    photo: Annotated[Path, typer.Argument(help="A PNG, JPEG or TIFF file.", show_default=False)],
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A PNG, JPEG or TIFF file.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results, made if needed.")
     ],
@@ -72,7 +67,8 @@ def reconstruct(
     encoding: Annotated[
         Encoding,
         typer.Option(
-            help="What the file's numbers are; auto: integers are sRGB, floats are linear light.", rich_help_panel=_PHOTO
+            help="What the file's numbers are. auto: integers are sRGB, floats are linear light.",
+            rich_help_panel=_PHOTO,
         ),
     ] = "auto",
     clip_highlights: Annotated[
@@ -98,7 +94,7 @@ def reconstruct(
     normalise: Annotated[
         Normalise,
         typer.Option(
-            help="linear: divide by the brightest value (the 99.5th percentile), which keeps the shading equation exact. "
+            help="linear: divide by the brightest value (99.5th percentile), which keeps the shading equation exact. "
             "grey: stretch from the darkest to the brightest, eq. (2) of the paper. none: the photo is E already.",
             rich_help_panel=_PHOTO,
         ),
@@ -137,17 +133,24 @@ def reconstruct(
         Boundary, typer.Option(help="On edges where no depth is known; auto: outflow.", rich_help_panel=_SOLVER)
     ] = "auto",
     scheme: Annotated[Scheme, typer.Option(rich_help_panel=_SOLVER)] = "auto",
-    ordering: Annotated[Ordering, typer.Option(help="Order of the pixels in a sweep.", rich_help_panel=_SOLVER)] = "wavefront",
+    ordering: Annotated[
+        Ordering, typer.Option(help="Order of the pixels in a sweep.", rich_help_panel=_SOLVER)
+    ] = "wavefront",
     max_iterations: Annotated[int, typer.Option(min=1, help="Of four sweeps each.", rich_help_panel=_SOLVER)] = 2000,
     tolerance: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Ends when ln depth changes by no more in an iteration.", callback=finite, rich_help_panel=_SOLVER
+            min=0.0,
+            help="Ends when ln depth changes by no more in an iteration.",
+            callback=finite,
+            rich_help_panel=_SOLVER,
         ),
     ] = 1e-5,
     max_slope: Annotated[
         float,
-        typer.Option(help="Bound where a pixel is too dark to set one itself.", callback=positive, rich_help_panel=_SOLVER),
+        typer.Option(
+            help="Bound on the slope where a pixel is too dark to set one.", callback=positive, rich_help_panel=_SOLVER
+        ),
     ] = 30.0,
     device: DeviceOption = None,
     precision: PrecisionOption = "float32",
@@ -167,9 +170,8 @@ def reconstruct(
             show(iteration, change)
             return interrupted()
 
-        solution, files = reconstruct_photo(
+        result = solve_photo(
             photo,
-            output,
             camera,
             Brightness(channel, encoding, clip_highlights, mean_filter, normalise),
             mask=mask,
@@ -187,88 +189,29 @@ def reconstruct(
             precision=precision,
             callback=after_iteration,
         )
+    with writing():
+        files = result.save(output)
     for file in files:
         typer.echo(file)
-    typer.echo(summary(solution), err=True)
-    if solution.status is Status.STOPPED:
-        raise typer.Exit(_INTERRUPTED)
+    typer.echo(_summary(result.solution), err=True)
+    if result.solution.status is Status.STOPPED:
+        raise typer.Exit(INTERRUPTED)
 
 
-def reconstruct_photo(
-    path: Path,
-    folder: Path,
-    camera: CameraOptions,
-    brightness: Brightness,
-    *,
-    mask: Path | None = None,
-    walls: Path | None = None,
-    known_depth: Path | None = None,
-    callback: Callable[[int, float], bool] | None = None,
-    **keywords: Any,
-) -> tuple[Solution, list[Path]]:
-    """Read one photo, reconstruct it, and write all results to a folder, or none.
-
-    Parameters
-    ----------
-    path : Path
-        The photo.
-    folder : Path
-        Made if needed.
-    camera : CameraOptions
-    brightness : Brightness
-    mask, walls, known_depth : Path, optional
-        Files of the photo's size.
-    callback
-    **keywords
-        As for :func:`persfs_cl.reconstruct`.
-
-    Returns
-    -------
-    solution : Solution
-    files : list of Path
-        What was written.
-
-    Raises
-    ------
-    PersfsError
-        Naming the file that cannot be used.
-    """
-    photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding)
-    shape = (photo.image.shape[0], photo.image.shape[1])
-    wanted = np.ones(shape, bool) if photo.mask is None else photo.mask
-    if mask is not None:
-        wanted = wanted & read_mask(mask, shape)
-    barriers = np.zeros(shape, bool) if walls is None else read_mask(walls, shape)
-    depths = None if known_depth is None else read_depth(known_depth, shape)
-    pinhole = camera.camera(path, shape)
-    try:
-        image, said = brightness.of(photo, wanted & ~barriers)
-        solution = solve(
-            image, pinhole, mask=wanted, walls=barriers, known_depth=depths, callback=callback, **keywords
-        )
-    except (InputError, CameraError) as error:
-        raise type(error)(f"{path}: {error}") from error
-    inputs = {"mask": mask, "walls": walls, "known_depth": known_depth}
-    said |= {name: None if file is None else str(file) for name, file in inputs.items()}
-    with filling(folder) as temporary:
-        files = solution.save(temporary, colour=photo.colour, report={"photo": said})
-    return solution, [folder / file.name for file in files]
-
-
-def summary(solution: Solution) -> str:
+def _summary(solution: Solution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     grey = solution.grey_errors()
-    lines = [
+    text = (
         f"{solution.status.name} after {solution.iterations} iterations in {solution.elapsed.total:.2f} s on "
-        f"{solution.device.name}. {solution.status.value}",
-        f"Photographed again, the surface differs from the photo by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f} "
-        "grey levels (0 to 255).",
-    ]
+        f"{solution.device.name}. {solution.status.value}\n"
+        f"Photographed again, the surface differs from the photo by ME {grey.mean:.2f}, "
+        f"RS {grey.root_mean_square:.2f} grey levels (0 to 255)."
+    )
     if clamped := int(solution.clamped.sum()):
-        lines.append(
-            f"{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: mask them out if they "
-            "are shadow or paint."
+        text += (
+            f"\n{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: "
+            "mask them out if they are shadow or paint."
         )
     if unreached := int(solution.unreached.sum()):
-        lines.append(f"{unreached} pixels have no depth: no known depth can reach them.")
-    return "\n".join(lines)
+        text += f"\n{unreached} pixels have no depth: no known depth can reach them."
+    return text

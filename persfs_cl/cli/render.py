@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import typer
 
@@ -29,7 +29,9 @@ _IMAGE = "Image"
 
 
 def render(
-    depth: Annotated[Path, typer.Argument(help="A depth map, .npy or .tiff, NaN where there is no surface.")],
+    depth: Annotated[
+        Path, typer.Argument(metavar="DEPTH", help="A depth map, .npy or .tiff, NaN where there is no surface.")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="IMAGE", help="PNG or TIFF file to write.")],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
     focal_length: FocalLengthOption = None,

@@ -1,0 +1,236 @@
+/* One sweep by anti-diagonals, bit for bit the lexicographic one, in one launch: vectors skewed over rows.
+ *
+ * The grid is cut into strips of STRIP_ROWS = 8 BANDS rows. One work-item runs along a strip; in step t the lane of row r
+ * updates column t - r, so that all lanes stand on one anti-diagonal and none reads another's new value of this step:
+ *
+ *            column  0 1 2 3 4 5 6 7          left of a lane:  its own result of the step before
+ *      row 0         0 1 2 3 4 5 6 7          up:              the result of the step before, one lane further up
+ *      row 1           1 2 3 4 5 6 7          right:           the old value, which is `here` of the next step
+ *      row 2             2 3 4 5 6 7   step   down:            the old value `right` of the lane below
+ *
+ * Left and up never leave the registers. A band is one vector of 8 rows; several bands a strip hide the latency of the
+ * square root. Eight steps make a block: eight unaligned loads, one a row and each a column further back, transposed in
+ * registers, give the lanes of eight steps, and the results go back the same way. So the arrays stay row-major and in
+ * place, for all four directions.
+ *
+ *      strip 0   ####====....      A strip may run as long as the one before it is STRIP_ROWS - 1 columns ahead. Strips
+ *      strip 1   ##==........      are claimed by an atomic ticket, in order, so that the one waited for is always running
+ *      strip 2   =...........      or done; it says how many blocks it has finished. The wait is bounded: past
+ *                                  PATIENCE polls the run is given up, and the host told.
+ *
+ * Work-group size 1; any number of groups. Strips of several images follow each other in turn: first strip of each
+ * image, second strip of each, and so on. `sync` counts over the whole run and is never reset: the ticket, the number of
+ * failures, then the finished blocks of each strip.
+ */
+#define STRIP_ROWS (8 * BANDS)
+#define TICKET 0
+#define FAILURES 1
+#define FIRST_PROGRESS 2
+#define PATIENCE 200000000
+
+static inline number load(__global const real *from)
+{
+    return *(__global const unaligned *)from;
+}
+
+static inline void store(__global real *to, const number values)
+{
+    *(__global unaligned *)to = values;
+}
+
+/* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
+static inline void transpose(number *vectors)
+{
+    number pairs[8], fours[8];
+    __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 8; i += 2) {
+        const number a = vectors[i], b = vectors[i + 1];
+        pairs[i] = (number)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
+        pairs[i + 1] = (number)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
+    }
+    __attribute__((opencl_unroll_hint(2))) for (int i = 0; i < 8; i += 4) {
+        const number a = pairs[i], b = pairs[i + 1], c = pairs[i + 2], d = pairs[i + 3];
+        fours[i] = (number)(a.s01, c.s01, a.s45, c.s45);
+        fours[i + 1] = (number)(a.s23, c.s23, a.s67, c.s67);
+        fours[i + 2] = (number)(b.s01, d.s01, b.s45, d.s45);
+        fours[i + 3] = (number)(b.s23, d.s23, b.s67, d.s67);
+    }
+    __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 4; ++i) {
+        vectors[i] = (number)(fours[i].s0123, fours[i + 4].s0123);
+        vectors[i + 4] = (number)(fours[i].s4567, fours[i + 4].s4567);
+    }
+}
+
+/* Eight values `apart` from each other; rim and row tables only, the hot arrays are loaded in blocks. */
+static inline number gather(__global const real *from, const long apart)
+{
+    return (number)(from[0], from[apart], from[2 * apart], from[3 * apart], from[4 * apart], from[5 * apart],
+                    from[6 * apart], from[7 * apart]);
+}
+
+static inline integer gather_flags(__global const uchar *from, const long apart)
+{
+    return (integer)(from[0], from[apart], from[2 * apart], from[3 * apart], from[4 * apart], from[5 * apart],
+                     from[6 * apart], from[7 * apart]);
+}
+
+static inline axis gather_axis(__global const real *table, const int length, const long index, const long apart)
+{
+    const axis result = {gather(table + index, apart), gather(table + length + index, apart),
+                         gather(table + 2 * length + index, apart)};
+    return result;
+}
+
+/* Wait until `progress` has reached `needed`; 0 when patience has run out here or elsewhere. */
+static inline int wait_for(__global volatile int *sync, __global volatile int *progress, const int needed)
+{
+    for (int polls = 0; atomic_add(progress, 0) < needed; ++polls)
+        if (polls > PATIENCE || atomic_add(sync + FAILURES, 0) != 0) {
+            atomic_inc(sync + FAILURES);
+            return 0;
+        }
+    return 1;
+}
+
+/* `leftwards` is a constant in each call, so that the compiler makes two functions with straight addressing. */
+static inline int run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
+                            __global const real *parameters, __global const real *column_table,
+                            __global const real *row_table, __global volatile int *sync,
+                            __global volatile int *progress, const int rows, const int stride, const int first_row,
+                            const int first_column, const int height, const int width, const int leftwards,
+                            const int upwards, const int strip, const int done_before)
+{
+    const int blocks = (width + STRIP_ROWS - 1 + 7) / 8;
+    const long column_step = leftwards ? -1 : 1;
+    const long row_step = upwards ? -(long)stride : (long)stride;
+    const long skew = row_step - column_step; /* from a lane to the one below it, on the same step */
+    const long row = first_row + (upwards ? height - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
+    const long column = first_column + (leftwards ? width - 1 : 0);
+    /* Where the first of eight steps lies in memory, seen from the cell of the step that comes first in time. */
+    const long low = leftwards ? -7 : 0;
+
+    long cell = row * stride + column; /* of lane 0 */
+    /* Lanes run against the columns: rightwards through the reversed half of the table. */
+    __global const real *lanes_table = column_table + (leftwards ? 0 : 3 * stride);
+    long table_index = leftwards ? column : stride - 1 - column;
+
+    /* The names below are those of a sweep to the right and down. In the others the neighbours change places. */
+    const real signed_dx = leftwards ? -parameters[HALF_INVERSE_DX] : parameters[HALF_INVERSE_DX];
+    const real signed_dy = upwards ? -parameters[HALF_INVERSE_DY] : parameters[HALF_INVERSE_DY];
+
+    axis y[BANDS];
+    number here[BANDS], result[BANDS];
+    for (int band = 0; band < BANDS; ++band) {
+        const long first = cell + band * 8 * skew;
+        y[band] = gather_axis(row_table, rows, row + (upwards ? -8 * band : 8 * band), upwards ? -1 : 1);
+        here[band] = gather(log_depth + first, skew);
+        result[band] = gather(log_depth + first - column_step, skew);
+    }
+
+    for (int block = 0; block < blocks; ++block) {
+        if (strip > 0) {
+            const int needed = done_before + min(block + STRIP_ROWS / 8 + 1, blocks);
+            if (!wait_for(sync, progress - 1, needed))
+                return 0;
+        }
+        number right[BANDS][8], shading[BANDS][8];
+        for (int band = 0; band < BANDS; ++band) {
+            for (int r = 0; r < 8; ++r) {
+                const long at = cell + (band * 8 + r) * skew + low;
+                right[band][r] = load(log_depth + at + column_step);
+                shading[band][r] = load(brightness + at);
+            }
+            transpose(right[band]);
+            transpose(shading[band]);
+        }
+        union {
+            number all;
+            real step[8];
+        } above, below;
+        above.all = load(log_depth + cell - row_step + low);
+        below.all = load(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
+
+        __attribute__((opencl_unroll_hint(8))) for (int step = 0; step < 8; ++step) {
+            const int k = leftwards ? 7 - step : step;
+            /* From the last band upwards, so that each finds the old result of the band above it. */
+            __attribute__((opencl_unroll_hint(BANDS))) for (int band = BANDS - 1; band >= 0; --band) {
+                const number e = shading[band][k], next = right[band][k];
+                number up = result[band].s00123456, down = next.s12345677;
+                up.s0 = band == 0 ? above.step[k] : result[band - 1].s7;
+                down.s7 = band == BANDS - 1 ? below.step[k] : right[band + 1][k].s0;
+                const long index = table_index - step + band * 8;
+                const axis x = {load(lanes_table + index), load(lanes_table + stride + index),
+                                load(lanes_table + 2 * stride + index)};
+                number value = inner_value(e, result[band], next, up, down, signed_dx, signed_dy, x, y[band], parameters);
+                const integer on_rim = as_integer(e) < 0;
+                if (any_lane(on_rim)) {
+                    const integer lanes = gather_flags(flags + cell + step * column_step + band * 8 * skew, skew);
+                    const number rim = rim_value(fabs(e), lanes, here[band], leftwards ? next : result[band],
+                                                 leftwards ? result[band] : next, upwards ? down : up,
+                                                 upwards ? up : down, x, y[band], parameters);
+                    value = on_rim ? rim : value;
+                }
+                result[band] = value < here[band] ? value : here[band];
+                here[band] = next;
+                shading[band][k] = result[band];
+            }
+        }
+        for (int band = 0; band < BANDS; ++band) {
+            transpose(shading[band]);
+            for (int r = 0; r < 8; ++r)
+                store(log_depth + cell + (band * 8 + r) * skew + low, shading[band][r]);
+        }
+        cell += 8 * column_step;
+        table_index -= 8;
+        atomic_xchg(progress, done_before + block + 1);
+    }
+    return 1;
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+sweep(__global real *log_depth,          /* shape (images, rows, stride), padded by STRIP_ROWS + 8 all round */
+      __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
+      __global const uchar *flags,       /* same shape                                                       */
+      __global const real *parameters,   /* shape (images, PARAMETERS)                                       */
+      __global const real *column_table, /* as elsewhere, and once more reversed, shape (images, 6, stride)  */
+      __global const real *row_table,    /* shape (images, 3, rows)                                          */
+      __global const float *changes,     /* see prelude                                                      */
+      const int iteration,               /* index into changes                                               */
+      const float tolerance,             /* on max |dZ|                                                      */
+      const int rows,                    /* stored rows, padding included                                    */
+      const int stride,                  /* stored columns, padding included                                 */
+      const int first_row,               /* of the image within its padding                                  */
+      const int first_column,            /* likewise                                                         */
+      const int height,                  /* pixels                                                           */
+      const int width,                   /* pixels                                                           */
+      const int leftwards,               /* 1: columns from the right                                        */
+      const int upwards,                 /* 1: rows from the bottom                                          */
+      __global volatile int *sync,       /* shape (FIRST_PROGRESS + images * strips)                         */
+      const int images,                  /* in this launch                                                   */
+      const int sweeps_before)           /* launches of this run so far                                      */
+{
+    const int strips = (height + STRIP_ROWS - 1) / STRIP_ROWS;
+    const int blocks = (width + STRIP_ROWS - 1 + 7) / 8;
+    /* Every group draws one ticket too many in each launch. */
+    const int first_ticket = sweeps_before * (strips * images + (int)get_num_groups(0));
+    for (;;) {
+        const int ticket = atomic_inc(sync + TICKET) - first_ticket;
+        if (ticket >= strips * images || atomic_add(sync + FAILURES, 0) != 0)
+            return;
+        const int image = ticket % images, strip = ticket / images;
+        if (finished(changes, iteration, image, images, tolerance))
+            continue;
+        const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
+        __global volatile int *progress = sync + FIRST_PROGRESS + image * strips + strip;
+        __global real *z = log_depth + begin;
+        __global const real *e = brightness + begin, *numbers = parameters + image * PARAMETERS;
+        __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
+        const int done_before = sweeps_before * blocks;
+        const int good =
+            leftwards ? run_strip(z, e, flags + begin, numbers, x, y, sync, progress, rows, stride, first_row,
+                                  first_column, height, width, 1, upwards, strip, done_before)
+                      : run_strip(z, e, flags + begin, numbers, x, y, sync, progress, rows, stride, first_row,
+                                  first_column, height, width, 0, upwards, strip, done_before);
+        if (!good)
+            return;
+    }
+}

@@ -1,0 +1,57 @@
+/* One sweep by anti-diagonals, bit for bit the lexicographic one: with the five-point stencil the cells of one
+ * anti-diagonal do not read each other. The variant for devices whose work-groups must not wait for each other.
+ *
+ * The grid is cut into tiles; the tiles of one anti-diagonal of tiles are independent too, and make one launch. A
+ * work-group takes a tile, a work-item one row of it. In step s the item of row r updates column s - r of the tile, so
+ * that the items stand on one anti-diagonal; a barrier ends the step.
+ *
+ *        tiles of launch 3      steps in a tile
+ *         . . . 3                0 1 2 3 4
+ *         . . 3 .                1 2 3 4 5
+ *         . 3 . .                2 3 4 5 6
+ *
+ * Global size (tiles * TILE_ROWS, images), work-group size (TILE_ROWS, 1). Reads and writes log_depth in place.
+ */
+__kernel __attribute__((reqd_work_group_size(TILE_ROWS, 1, 1))) void
+sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
+      __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+      __global const uchar *flags,       /* same shape                                          */
+      __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+      __global const real *column_table, /* shape (images, 3, stride)                           */
+      __global const real *row_table,    /* shape (images, 3, rows)                             */
+      __global const float *changes,     /* see prelude                                         */
+      const int iteration,               /* index into changes                                  */
+      const float tolerance,             /* on max |dZ|                                         */
+      const int rows,                    /* stored rows, padding included                       */
+      const int stride,                  /* stored columns, padding included                    */
+      const int first_row,               /* of the image within its padding                     */
+      const int first_column,            /* likewise                                            */
+      const int height,                  /* pixels                                              */
+      const int width,                   /* pixels                                              */
+      const int leftwards,               /* 1: columns from the right                           */
+      const int upwards,                 /* 1: rows from the bottom                             */
+      const int tile_diagonal,           /* row + column of the tiles of this launch            */
+      const int first_tile_row)          /* tile row of group 0                                 */
+{
+    const int image = (int)get_group_id(1);
+    if (finished(changes, iteration, image, (int)get_num_groups(1), tolerance))
+        return;
+    const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
+    const int tile_row = first_tile_row + (int)get_group_id(0);
+    const int i = tile_row * TILE_ROWS + (int)get_local_id(0);
+    const int first = (tile_diagonal - tile_row) * TILE_COLUMNS;
+
+    for (int step = 0; step < TILE_COLUMNS + TILE_ROWS - 1; ++step) {
+        const int inside = step - (int)get_local_id(0);
+        const int j = first + inside;
+        if (i < height && inside >= 0 && inside < TILE_COLUMNS && j < width) {
+            const int row = first_row + (upwards ? height - 1 - i : i);
+            const int column = first_column + (leftwards ? width - 1 - j : j);
+            const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
+            update_cell(log_depth, brightness, flags, cell, cell - 1, cell + 1, cell - (size_t)stride,
+                        cell + (size_t)stride, axis_at(column_table + image * 3 * stride, stride, column),
+                        axis_at(row_table + image * 3 * rows, rows, row), parameters + image * PARAMETERS);
+        }
+        barrier(CLK_GLOBAL_MEM_FENCE);
+    }
+}

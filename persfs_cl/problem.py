@@ -1,0 +1,227 @@
+"""One image made ready for the sweeps, after everything about it has been checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl import domain
+from persfs_cl._cl.launches import Grid
+from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.errors import InputError
+from persfs_cl.forward import kernel_axes, kernel_parameters
+from persfs_cl.light import ParallelLight
+
+
+_LARGEST = 700.0
+"""|ln z| beyond which z is no longer a float64."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One image made ready for the sweeps: everything the equation needs, as arrays and numbers.
+
+    Attributes
+    ----------
+    image : ndarray of float64, shape (height, width)
+        E; anything where there is nothing to solve.
+    camera : Camera
+    known_depth : ndarray of float64, shape (height, width)
+        NaN where unknown.
+    start : ndarray of float64, shape (height, width)
+        First values of W = ±Z, less `level`: known values, and above them all `highest`.
+    highest : float
+        The start value, above the largest solution.
+    sign : float
+        +1 for a surface going away from the known values, W = Z; -1 for one coming towards the camera, W = -Z.
+    level : float
+        Smallest known W; subtracting it keeps single precision for the relief.
+    max_slope : float
+    domain : Domain
+    grid : PixelGrid
+    light : ParallelLight
+    """
+
+    image: NDArray[np.float64]
+    camera: Camera
+    known_depth: NDArray[np.float64]
+    start: NDArray[np.float64]
+    highest: float
+    sign: float
+    level: float
+    max_slope: float
+    domain: domain.Domain
+    grid: PixelGrid
+    light: ParallelLight
+
+    @property
+    def numbers(self) -> Grid:
+        """The problem as the kernels want it."""
+        x_axis, y_axis = kernel_axes(self.grid, self.light)
+        boundary = self.domain.boundary
+        return Grid(
+            log_depth=self.start,
+            brightness=self.image,
+            flags=self.domain.flags,
+            parameters=kernel_parameters(self.grid, self.light, sign=self.sign, max_slope=self.max_slope),
+            x_axis=x_axis,
+            y_axis=y_axis,
+            cells=boundary.cells,
+            inwards=boundary.inwards,
+            edges=boundary.edges,
+        )
+
+    def depth(self, values: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Log depth and depth from the values of a run; NaN where there is none (yet)."""
+        log_depth = self.sign * (values.astype(np.float64) + self.level)
+        # A run that was ended early may not have brought every pixel down from the start value.
+        reached = self.domain.solved & (values < values.dtype.type(self.highest)) & (np.abs(log_depth) < _LARGEST)
+        log_depth = np.where(reached, log_depth, np.nan)
+        depth = np.where(self.domain.known, self.known_depth, np.exp(log_depth))
+        return np.where(self.domain.known, np.log(depth), log_depth), depth
+
+    @property
+    def degenerate(self) -> NDArray[np.bool_]:
+        """Pixels to solve where H is not coercive: {P : H(P) <= 0} is unbounded.
+
+        The set is bounded where A = e² (I + xx') - ññ' of method, e = k E, is positive definite: for
+        e² > |ñ|² - (x·ñ)² / (1 + r²), with ñ = (x - p0, y - q0) and r² = x² + y².
+        """
+        x, y = self.grid.x, self.grid.y
+        offset_x, offset_y = x - self.light.p0, y - self.light.q0
+        along = x * offset_x + y * offset_y
+        bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
+        return np.asarray(self.domain.solved & ((self.light.norm * self.image) ** 2 <= bound))
+
+
+def check(
+    image: ArrayLike, camera: Camera, mask: ArrayLike | None, walls: ArrayLike | None, known_depth: ArrayLike | None
+) -> None:
+    """Check what can be checked of an image before any work; see :func:`persfs_cl.reconstruct` for the parameters.
+
+    Raises
+    ------
+    InputError, CameraError
+        When something cannot be used.
+    """
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+    shape = _require_image(image).shape
+    camera.grid(shape)
+    wanted = _require_mask("mask", mask, shape, default=True)
+    _require_mask("walls", walls, shape, default=False)
+    _require_depths(known_depth, shape, wanted)
+
+
+def prepare(
+    image: ArrayLike,
+    camera: Camera,
+    mask: ArrayLike | None,
+    walls: ArrayLike | None,
+    known_depth: ArrayLike | None,
+    light: ParallelLight,
+    surface: str,
+    boundary: str,
+    max_slope: float,
+) -> Problem:
+    """Make an image ready; see :func:`persfs_cl.reconstruct` for the parameters.
+
+    Raises
+    ------
+    InputError, CameraError
+        When something cannot be used.
+    """
+    given = _require_image(image)
+    shape = given.shape
+    grid = camera.grid(shape)
+    wanted = _require_mask("mask", mask, shape, default=True)
+    barriers = _require_mask("walls", walls, shape, default=False)
+    depths = _require_depths(known_depth, shape, wanted)
+    layout = domain.lay_out(wanted, np.isfinite(depths), barriers, boundary)
+    _require_shading(given, layout.solved)
+
+    sign = 1.0 if surface == "away" else -1.0
+    known = sign * np.log(depths[layout.known])
+    level = float(known.min())
+    # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
+    steps = np.count_nonzero(layout.solved) + 1
+    highest = float(known.max()) - level + steps * max_slope * max(grid.dx, grid.dy)
+    start = np.full(shape, highest)
+    start[layout.known] = known - level
+    return Problem(
+        image=given,
+        camera=camera,
+        known_depth=depths,
+        start=start,
+        highest=highest,
+        sign=sign,
+        level=level,
+        max_slope=float(max_slope),
+        domain=layout,
+        grid=grid,
+        light=light,
+    )
+
+
+def _require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    given = np.asarray(image)
+    if given.ndim != 2 or given.size < 2:
+        remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
+        raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
+    if not np.issubdtype(given.dtype, np.floating):
+        raise InputError(
+            f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
+            "(grey levels of 8 bits: divide by 255)."
+        )
+    return given.astype(np.float64)
+
+
+def _require_shading(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
+    """Check the pixels that are used; the others may hold anything."""
+    used = brightness[solved]
+    if bad := int(np.count_nonzero(~np.isfinite(used))):
+        raise InputError(f"image holds {bad} NaN or infinite values inside the mask: mask them out.")
+    darkest, brightest = float(used.min()), float(used.max())
+    if darkest < 0.0 or brightest > 1.0 + 1e-6:
+        raise InputError(
+            f"image ranges from {darkest:g} to {brightest:g}: E must lie in [0, 1]. Use normalise_grey, or divide by "
+            "the brightest value."
+        )
+    if brightest == 0.0:
+        raise InputError("image is all black inside the mask: it carries no shading to reconstruct from.")
+    if darkest == brightest and used.size > 1:
+        raise InputError(f"image is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from.")
+
+
+def _require_mask(name: str, given: ArrayLike | None, shape: tuple[int, int], *, default: bool) -> NDArray[np.bool_]:
+    if given is None:
+        return np.full(shape, default)
+    pixels = np.asarray(given)
+    if pixels.dtype != bool or pixels.shape != shape:
+        raise InputError(
+            f"{name} is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's shape {shape}."
+        )
+    return pixels
+
+
+def _require_depths(given: ArrayLike | None, shape: tuple[int, int], wanted: NDArray[np.bool_]) -> NDArray[np.float64]:
+    if given is None:
+        return np.where(domain.rim(wanted), 1.0, np.nan)
+    depths = np.asarray(given)
+    if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
+        raise InputError(
+            f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "
+            "NaN where the depth is unknown."
+        )
+    if np.isinf(depths).any():
+        raise InputError(f"known_depth holds {int(np.isinf(depths).sum())} infinite values: use NaN for unknown.")
+    if (depths <= 0).any():
+        raise InputError(
+            f"known_depth goes down to {float(np.nanmin(depths)):g}: depths are distances along the optical axis "
+            "and positive; use NaN for unknown."
+        )
+    if np.isnan(depths).all():
+        raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
+    return depths.astype(np.float64)

@@ -1,0 +1,690 @@
+"""The command line, end to end: files, numbers, messages and exit statuses."""
+
+from __future__ import annotations
+
+import errno
+import inspect
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import typing
+import weakref
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+from typer.testing import CliRunner
+
+import persfs_cl as ps
+from persfs_cl import grey, solver
+from persfs_cl._cl import device as device_room
+from persfs_cl.cli import app
+from persfs_cl.cli.progress import remaining_iterations, stop_on_interrupt, writing
+from persfs_cl.cli.reconstruct import reconstruct
+from persfs_cl.images import read_depth, read_photo, write_depth, write_grey
+
+FILES = {
+    "depth.npy",
+    "depth.tiff",
+    "depth.png",
+    "normals.png",
+    "relief.png",
+    "mesh.ply",
+    "rendered.png",
+    "comparison.png",
+    "convergence.png",
+    "report.json",
+}
+HEIGHT, WIDTH = 24, 30
+SCENE = ps.bump((HEIGHT, WIDTH))
+FOCAL = ("--focal-length", str(WIDTH))
+
+
+class Outcome(typing.NamedTuple):
+    status: int
+    stdout: str
+    stderr: str
+
+
+def run(*arguments: str | Path) -> Outcome:
+    """The command in this process; line breaks and frames of messages are undone."""
+    result = CliRunner(env={"COLUMNS": "500", "TERM": "dumb"}).invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return Outcome(result.exit_code, result.stdout, " ".join(result.stderr.replace("│", " ").split()))
+
+
+def strict(path: Path) -> dict[str, Any]:
+    """A JSON file, with Python's NaN and Infinity refused."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{path} holds {name}")
+
+    loaded: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+    return loaded
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    """The image of a smooth bump whose frame has depth 1, what the solver assumes."""
+    path = tmp_path / "photo.png"
+    write_grey(path, SCENE.image, 16)
+    return path
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the pictures, which take far longer than the rest."""
+    monkeypatch.setattr(ps.Solution, "_draw", lambda _self, _folder: [])
+
+
+def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "made" / "here.png"  # a suffix does not make a file of it
+    outcome = run("reconstruct", photo, "-o", folder, *FOCAL)
+    assert outcome.status == 0
+    assert names(folder) == FILES
+    assert {Path(line) for line in outcome.stdout.splitlines()} == {folder / name for name in FILES}
+
+    image = grey.normalise_linear(read_photo(photo).image)
+    expected = ps.reconstruct(image, ps.Camera(WIDTH))
+    np.testing.assert_array_equal(np.load(folder / "depth.npy"), expected.depth)
+    np.testing.assert_array_equal(read_depth(folder / "depth.tiff"), expected.depth.astype(np.float32))
+    assert ps.compare(expected.depth, SCENE.depth).mean < 0.1 * np.ptp(SCENE.depth)
+    assert f"CONVERGED after {expected.iterations} iterations" in outcome.stderr
+    assert len(trimesh.load_mesh(folder / "mesh.ply", process=False).vertices) == HEIGHT * WIDTH
+
+    report = strict(folder / "report.json")
+    assert report["status"] == "CONVERGED"
+    assert report["iterations"] == len(report["changes"]) == expected.iterations
+    assert report["photo"] == {
+        "path": str(photo),
+        "mask": None,
+        "walls": None,
+        "known_depth": None,
+        "channel": "luminance",
+        "encoding": "srgb",
+        "bits": 16,
+        "clip_highlights": None,
+        "clipped_pixels": 0,
+        "mean_filter": 1,
+        "normalise": "linear",
+        "white_pixels": np.count_nonzero(image == 1),
+    }
+
+
+@pytest.mark.usefixtures("quick")
+def test_every_option_reaches_the_solver(photo: Path, tmp_path: Path) -> None:
+    known = tmp_path / "known.npy"
+    write_depth(known, SCENE.known_depth)
+    options = {
+        "surface": "toward",
+        "boundary": "fixed",
+        "scheme": "lax-friedrichs",
+        "ordering": "checkerboard",
+        "max_iterations": 7,
+        "tolerance": 1e-3,
+        "max_slope": 12.5,
+        "precision": "float64" if ps.devices()[0].has_float64 else "float32",
+    }
+    texts = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
+    camera = ("--focal-length", "30,31", "--principal-point", "14,11.5", "--light", "parallel")
+    files = ("--known-depth", known, "--device", "0")
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *camera, "--p0=0.1", "--q0=-0.2", *files, *texts)
+    assert outcome.status == 0
+    parameters = strict(tmp_path / "out" / "report.json")["parameters"]
+    assert parameters["focal_length"] == [30, 31]
+    assert parameters["principal_point"] == [14, 11.5]
+    assert parameters["light"] == {"kind": "ParallelLight", "p0": 0.1, "q0": -0.2}
+    assert {name: parameters[name] for name in options} == options
+    assert "MAX_ITERATIONS after 7 iterations" in outcome.stderr
+    depth = np.load(tmp_path / "out" / "depth.npy")
+    given = np.isfinite(SCENE.known_depth)
+    np.testing.assert_array_equal(depth[given], SCENE.known_depth[given])
+
+
+def test_choices_and_defaults_are_those_of_the_library() -> None:
+    types = typing.get_type_hints(reconstruct)
+    command, library = inspect.signature(reconstruct).parameters, inspect.signature(ps.reconstruct).parameters
+    for name, choices in solver._CHOICES.items():
+        assert typing.get_args(types[name]) == choices
+    for name in (*solver._CHOICES, "max_iterations", "tolerance", "max_slope"):
+        assert command[name].default == library[name].default
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("normalise", ["linear", "grey", "none"])
+def test_brightness_is_clipped_then_filtered_then_normalised(normalise: str, photo: Path, tmp_path: Path) -> None:
+    options = ("--clip-highlights=80", "--mean-filter=3", "--normalise", normalise, "--encoding=linear")
+    assert run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, *options).status == 0
+
+    clipped, highlights = grey.clip_highlights(read_photo(photo, encoding="linear").image, percentile=80)
+    smooth = grey.mean_filter(clipped, 3)
+    image = {"linear": grey.normalise_linear(smooth), "grey": grey.normalise_grey(smooth), "none": smooth}[normalise]
+    expected = ps.reconstruct(image, ps.Camera(WIDTH))
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "depth.npy"), expected.depth)
+    said = strict(tmp_path / "out" / "report.json")["photo"]
+    assert said["clipped_pixels"] == np.count_nonzero(highlights) > 0
+    assert said["white_pixels"] == np.count_nonzero(image >= 1)
+
+
+@pytest.mark.usefixtures("quick")
+def test_alpha_mask_and_walls_are_combined(tmp_path: Path) -> None:
+    opaque, mask, walls = np.ones((3, HEIGHT, WIDTH), dtype=bool)
+    opaque[:4] = False
+    mask[:, :5] = False
+    walls[:] = False
+    walls[:, 20] = True
+    levels = np.rint(255 * grey.encode_srgb(SCENE.image)).astype(np.uint8)
+    colours = np.stack([levels, levels // 2, levels // 3, 255 * opaque.astype(np.uint8)], axis=-1)
+    Image.fromarray(colours).save(tmp_path / "photo.png")
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    np.save(tmp_path / "walls.npy", walls)
+    files = ("--mask", tmp_path / "mask.png", "--walls", tmp_path / "walls.npy")
+    outcome = run("reconstruct", tmp_path / "photo.png", "-o", tmp_path / "out", *FOCAL, *files)
+    assert outcome.status == 0
+    solved = np.isfinite(np.load(tmp_path / "out" / "depth.npy"))
+    np.testing.assert_array_equal(solved, opaque & mask & ~walls)
+    mesh: Any = trimesh.load_mesh(tmp_path / "out" / "mesh.ply", process=False)
+    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], colours[solved][:, :3])
+    said = strict(tmp_path / "out" / "report.json")["photo"]
+    assert said["mask"] == str(tmp_path / "mask.png")
+    assert said["walls"] == str(tmp_path / "walls.npy")
+
+
+@pytest.mark.usefixtures("quick")
+def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
+    jpeg, out = tmp_path / "photo.jpg", tmp_path / "out"
+    picture = Image.fromarray(np.rint(255 * SCENE.image).astype(np.uint8))
+    picture.save(jpeg)
+    outcome = run("reconstruct", jpeg, "-o", out)
+    assert outcome.status == 1
+    assert all(text in outcome.stderr for text in (str(jpeg), "--focal-length", "--fov"))
+    assert not out.exists()
+
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[41989] = 50  # FocalLengthIn35mmFilm
+    picture.save(jpeg, exif=exif)
+    assert run("reconstruct", jpeg, "-o", out, "--principal-point=14,12").status == 0
+    parameters = strict(out / "report.json")["parameters"]
+    assert parameters["focal_length"] == [ps.Camera.from_exif(jpeg).fx] * 2
+    assert parameters["principal_point"] == [14, 12]
+
+    assert run("reconstruct", jpeg, "-o", out, "--overwrite", "--fov", "60").status == 0
+    expected = ps.Camera.from_fov(60.0, (HEIGHT, WIDTH)).fx
+    assert strict(out / "report.json")["parameters"]["focal_length"] == [expected] * 2
+
+
+def png(path: Path, image: NDArray[np.floating]) -> None:
+    write_grey(path, image, encoding="linear")
+
+
+def truncated(path: Path) -> None:
+    stream = io.BytesIO()
+    Image.fromarray(np.rint(255 * SCENE.image).astype(np.uint8)).save(stream, "PNG")
+    path.write_bytes(stream.getvalue()[:-200])
+
+
+def with_nan(path: Path) -> None:
+    image = SCENE.image.astype(np.float32)
+    image[3, 4] = np.nan
+    tifffile.imwrite(path, image)
+
+
+BAD_PHOTOS: dict[str, tuple[str, Callable[[Path], object], str]] = {
+    "nan": ("photo.tiff", with_nan, "1 NaN"),
+    "black": ("photo.png", lambda path: png(path, np.zeros((8, 9))), "black"),
+    "constant": ("photo.png", lambda path: png(path, np.full((8, 9), 0.5)), "constant"),
+    "text": ("photo.png", lambda path: path.write_text("no image"), "not a PNG, JPEG or TIFF image"),
+    "truncated": ("photo.png", truncated, "broken"),
+    "empty": ("photo.png", lambda path: path.touch(), "empty"),
+    "missing": ("photo.png", lambda _path: None, "does not exist"),
+    "folder": ("photo.png", lambda path: path.mkdir(), "is a folder"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PHOTOS)
+def test_bad_photo(case: str, tmp_path: Path) -> None:
+    name, make, message = BAD_PHOTOS[case]
+    make(tmp_path / name)
+    before = names(tmp_path)
+    outcome = run("reconstruct", tmp_path / name, "-o", tmp_path / "out", "--focal-length=30")
+    assert (outcome.status, outcome.stdout) == (1, "")
+    assert str(tmp_path / name) in outcome.stderr
+    assert message in outcome.stderr
+    assert names(tmp_path) == before
+
+
+def corner(value: float) -> NDArray[np.float64]:
+    depth = np.full((HEIGHT, WIDTH), np.nan)
+    depth[0, 0] = value
+    return depth
+
+
+BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
+    "mask of another size": (("--mask=small.png",), 1, ("small.png", "(5, 6)")),
+    "mask that selects nothing": (("--mask=black.png",), 1, ("photo.png", "no pixel")),
+    "missing mask": (("--mask=none.png",), 1, ("none.png", "does not exist")),
+    "known depth of 0": (("--known-depth=zero.npy",), 1, ("zero.npy", "above 0")),
+    "negative known depth": (("--known-depth=negative.npy",), 1, ("negative.npy", "above 0")),
+    "known depth out of reach": (("--mask=half.png", "--known-depth=one.npy"), 1, ("photo.png", "can reach")),
+    "filter larger than the photo": (("--mean-filter=99",), 1, ("photo.png", "99")),
+    "principal point far outside": (("--principal-point=500,3",), 1, ("photo.png", "far outside", "500")),
+    "unknown device": (("--device=abacus",), 3, ("abacus", ps.devices()[0].name)),
+    "device out of range": (("--device=99",), 3, ("99",)),
+    "focal length 0": (("--focal-length=0",), 2, ("--focal-length", "0", "above 0")),
+    "negative focal length": (("--focal-length=-5",), 2, ("--focal-length", "-5")),
+    "focal length nan": (("--focal-length=nan",), 2, ("--focal-length", "nan")),
+    "focal length as text": (("--focal-length=long",), 2, ("--focal-length", "long")),
+    "three focal lengths": (("--focal-length=1,2,3",), 2, ("--focal-length", "1,2,3")),
+    "one coordinate": (("--principal-point=3",), 2, ("--principal-point", "two numbers")),
+    "two cameras": (("--focal-length=30", "--fov=60"), 2, ("--focal-length", "--fov", "not both")),
+    "field of view of 180°": (("--fov=180",), 2, ("--fov", "180")),
+    "light at nan": (("--p0=nan",), 2, ("--p0", "nan")),
+    "even filter": (("--mean-filter=4",), 2, ("--mean-filter", "odd")),
+    "percentile of 0": (("--clip-highlights=0",), 2, ("--clip-highlights", "above 0")),
+    "no iterations": (("--max-iterations=0",), 2, ("--max-iterations",)),
+    "negative tolerance": (("--tolerance=-1",), 2, ("--tolerance",)),
+    "tolerance nan": (("--tolerance=nan",), 2, ("--tolerance",)),
+    "slope of 0": (("--max-slope=0",), 2, ("--max-slope", "above 0")),
+    "unknown surface": (("--surface=up",), 2, ("--surface", "up", "away", "toward")),
+    "unknown boundary": (("--boundary=open",), 2, ("open", "outflow", "extrapolate", "fixed", "wall")),
+    "unknown light": (("--light=candle",), 2, ("candle", "parallel")),
+    "unknown option": (("--focus=3",), 2, ("--focus",)),
+}
+
+
+@pytest.mark.parametrize("case", BAD_OPTIONS)
+def test_bad_option(case: str, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    options, status, messages = BAD_OPTIONS[case]
+    monkeypatch.chdir(tmp_path)
+    png(Path("small.png"), np.ones((5, 6)))
+    png(Path("black.png"), np.zeros((HEIGHT, WIDTH)))
+    png(Path("half.png"), np.arange(WIDTH) // (WIDTH // 2) * np.ones((HEIGHT, 1)))
+    for name, value in (("zero", 0.0), ("negative", -1.0), ("one", 1.0)):
+        np.save(f"{name}.npy", corner(value))
+    before = names(tmp_path)
+    camera = () if any(option.startswith(("--focal-length", "--fov")) for option in options) else FOCAL
+    outcome = run("reconstruct", photo.name, "-o", "out", *camera, *options)
+    assert (outcome.status, outcome.stdout) == (status, "")
+    for message in messages:
+        assert message in outcome.stderr
+    assert "Traceback" not in outcome.stderr
+    assert names(tmp_path) == before
+
+
+def test_output_folder_is_checked_before_the_photo_is_read(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").write_text("mine")
+    places = {"file": "is a file", "file/below": "Not a directory", "full": "--overwrite", "x" * 300: "too long"}
+    for place, message in places.items():
+        outcome = run("reconstruct", tmp_path / "missing.png", "-o", tmp_path / place, *FOCAL)
+        assert (outcome.status, outcome.stdout) == (2, "")
+        assert message in outcome.stderr
+        assert "missing.png" not in outcome.stderr
+    assert names(tmp_path) == {"file", "full"}
+    assert names(tmp_path / "full") == {"mine"}
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a folder in which even root can create nothing")
+def test_output_folder_must_be_writable() -> None:
+    outcome = run("reconstruct", "missing.png", "-o", "/proc/self/out", *FOCAL)
+    assert outcome.status == 2
+    assert "/proc/self/out cannot be written" in outcome.stderr
+
+
+@pytest.mark.usefixtures("quick")
+def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "mine").write_text("mine")
+    (out / "depth.npy").write_text("old")
+    assert run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite").status == 0
+    assert (out / "mine").read_text() == "mine"
+    assert np.load(out / "depth.npy").shape == (HEIGHT, WIDTH)
+    assert names(out) == {"mine", "depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json"}
+
+
+@pytest.mark.parametrize("existing", [False, True])
+def test_full_disk_leaves_nothing_behind(
+    existing: bool, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    out = tmp_path / "out"
+    if existing:
+        out.mkdir()
+        (out / "depth.npy").write_text("old")
+    monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
+    outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
+    assert (outcome.status, outcome.stdout) == (1, "")
+    assert f"{out / 'mesh.ply'} cannot be written: No space left on device" in outcome.stderr
+    assert out.exists() == existing
+    if existing:
+        assert names(out) == {"depth.npy"}
+        assert (out / "depth.npy").read_text() == "old"
+
+
+def test_unexpected_error_keeps_its_traceback(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("persfs_cl.cli.photo.reconstruct", fail)
+    with pytest.raises(ZeroDivisionError):
+        run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL)
+
+
+def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_arguments: object, **_keywords: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("persfs_cl.cli.photo.reconstruct", interrupted)
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL)
+    assert (outcome.status, outcome.stdout) == (130, "")
+    assert "interrupted" in outcome.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Python's own answer to Ctrl-C, which a test run in the background of a shell lacks."""
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, previous)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_stop_on_interrupt_asks_first_and_raises_then() -> None:
+    with stop_on_interrupt() as asked:
+        assert not asked()
+        signal.raise_signal(signal.SIGINT)
+        assert asked()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_stop_on_interrupt_leaves_an_ignored_interrupt_ignored() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with stop_on_interrupt() as asked:
+        signal.raise_signal(signal.SIGINT)
+        assert not asked()
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_interrupt_in_a_weak_reference_ends_the_writing() -> None:
+    things = [{"some", "thing"}]
+    reference = weakref.ref(things[0], lambda _reference: signal.raise_signal(signal.SIGINT))
+
+    def draw() -> None:
+        things.clear()  # Python drops what this raises
+        assert reference() is None
+        for _ in range(300):
+            time.sleep(0.1)
+
+    with pytest.raises(KeyboardInterrupt), writing():
+        draw()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
+def test_progress_on_a_terminal_and_interrupt_of_a_real_run(tmp_path: Path) -> None:
+    # From its one known peak a bump takes thousands of iterations to come to rest.
+    scene = ps.bump((300, 300)).seeded()
+    write_grey(tmp_path / "photo.png", scene.image, 16)
+    write_depth(tmp_path / "known.npy", scene.known_depth)
+    # A test run in the background of a shell would hand on that Ctrl-C is ignored.
+    script = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    command = [sys.executable, "-c", f"{script}from persfs_cl.cli import main; main()"]
+    command += ["reconstruct", "photo.png", "-o", "out", "--focal-length=300"]
+    command += ["--known-depth=known.npy", "--surface", scene.surface, "--tolerance=0", "--max-iterations=1000000"]
+    ours, theirs = os.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=theirs) as process:
+        os.close(theirs)
+        seen, pressed = b"", False
+        while chunk := read_or_end(ours):
+            seen += chunk
+            if b"iteration " in seen and b" left" in seen and not pressed:
+                process.send_signal(signal.SIGINT)
+                pressed = True
+        stdout, _ = process.communicate()
+    os.close(ours)
+    assert process.returncode == 130, seen
+    assert {Path(line).name for line in stdout.decode().splitlines()} == FILES
+    assert names(tmp_path / "out") == FILES
+    report = strict(tmp_path / "out" / "report.json")
+    assert report["status"] == "STOPPED"
+    assert 1 <= report["iterations"] < 1000000
+    assert b"STOPPED after" in seen
+
+
+def read_or_end(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 4096)
+    except OSError:  # how Linux says that nobody writes to a pseudo-terminal any more
+        return b""
+
+
+def test_remaining_iterations() -> None:
+    halves = [2.0**-k for k in range(11)]
+    assert remaining_iterations(halves, 2.0**-30, 1000) == 20
+    assert remaining_iterations(halves, 2.0**-30, 15) == 4
+    assert remaining_iterations(halves, 2.0**-9, 1000) == 0
+    for changes, tolerance in (([1.0], 0.1), (halves, 0.0), ([1.0, 2.0], 0.1), ([1.0, 0.0], 0.1)):
+        assert remaining_iterations(changes, tolerance, 100) == 100 - len(changes)
+
+
+@pytest.mark.parametrize(("suffix", "bits"), [(".png", 8), (".png", 16), (".tiff", 16)])
+def test_render_is_the_forward_model(suffix: str, bits: int, tmp_path: Path) -> None:
+    depth, image = tmp_path / "depth.tiff", tmp_path / f"image{suffix}"
+    write_depth(depth, SCENE.depth)
+    mask = np.arange(WIDTH) * np.ones((HEIGHT, 1)) > 5
+    np.save(tmp_path / "mask.npy", mask)
+    options = ("--p0=0.3", "--q0=-0.1", f"--bits={bits}", "--encoding=linear", "--mask", tmp_path / "mask.npy")
+    outcome = run("render", depth, "-o", image, *FOCAL, *options)
+    assert outcome == (0, f"{image}\n", "")
+    light = ps.ParallelLight(0.3, -0.1)
+    expected = ps.render(read_depth(depth), ps.Camera(WIDTH), light=light, mask=mask)
+    written = read_photo(image, encoding="linear")
+    assert written.bits == bits
+    white = 2**bits - 1
+    np.testing.assert_array_equal(written.image, np.rint(np.nan_to_num(expected).clip(0, 1) * white) / white)
+
+
+def test_render_refuses(photo: Path, tmp_path: Path) -> None:
+    depth, image = tmp_path / "depth.npy", tmp_path / "image.png"
+    write_depth(depth, SCENE.depth)
+    np.save(tmp_path / "unknown.npy", np.full((3, 3), np.nan))
+    cases: list[tuple[Sequence[str | Path], int, str]] = [
+        ((depth, "-o", image), 2, "--focal-length"),
+        ((depth, "-o", image, *FOCAL, "--fov=50"), 2, "not both"),
+        ((depth, "-o", image, *FOCAL, "--bits=12"), 2, "16"),
+        ((depth, "-o", tmp_path / "image.jpg", *FOCAL), 2, ".tiff"),
+        ((depth, "-o", tmp_path / "none" / "image.png", *FOCAL), 2, "not a folder"),
+        ((depth, "-o", photo, *FOCAL), 2, "--overwrite"),
+        ((photo, "-o", image, *FOCAL), 1, str(photo)),
+        ((tmp_path / "unknown.npy", "-o", image, *FOCAL), 1, "unknown.npy"),
+        ((depth, "-o", image, *FOCAL, "--principal-point=999,0"), 1, "far outside"),
+        ((depth, "-o", image, *FOCAL, "--device=abacus"), 3, "abacus"),
+    ]
+    for arguments, status, message in cases:
+        outcome = run("render", *arguments)
+        assert (outcome.status, outcome.stdout) == (status, "")
+        assert message in outcome.stderr
+    assert not image.exists()
+    assert run("render", depth, "-o", photo, *FOCAL, "--overwrite").status == 0
+
+
+@pytest.mark.parametrize("align", ["none", "scale", "range"])
+def test_compare_depth_maps(align: str, tmp_path: Path) -> None:
+    first, second = 2.5 * SCENE.depth + 0.1, SCENE.depth
+    mask = SCENE.depth > 1.05
+    write_depth(tmp_path / "a.npy", first)
+    write_depth(tmp_path / "b.npy", second)
+    np.save(tmp_path / "mask.npy", mask)
+    files = (tmp_path / "a.npy", tmp_path / "b.npy", "--mask", tmp_path / "mask.npy")
+    expected = ps.compare(first, second, mask=mask, align=None if align == "none" else align)  # type: ignore[arg-type]
+
+    outcome = run("compare", *files, "--align", align, "--json")
+    assert (outcome.status, outcome.stderr) == (0, "")
+    result = json.loads(outcome.stdout)
+    assert result.pop("unit") == ("share of the range" if align == "range" else "unit of the depth")
+    assert result == vars(expected)
+
+    rows = dict(line.split(maxsplit=1) for line in run("compare", *files, "--align", align).stdout.splitlines())
+    assert float(rows["ME"]) == pytest.approx(expected.mean, rel=1e-5)
+    assert float(rows["RS"]) == pytest.approx(expected.root_mean_square, rel=1e-5)
+    assert float(rows["maximum"]) == pytest.approx(expected.maximum, rel=1e-5)
+    assert float(rows["median"]) == pytest.approx(expected.median, rel=1e-5)
+    assert int(rows["pixels"]) == mask.sum()
+
+
+def test_compare_images_in_grey_levels(tmp_path: Path) -> None:
+    first = np.array([[10, 20, 30], [40, 50, 60]], dtype=np.uint8)
+    second = np.array([[10, 21, 33], [40, 50, 0]], dtype=np.uint8)
+    opaque = np.array([[255, 255, 255], [255, 255, 0]], dtype=np.uint8)
+    Image.fromarray(first).save(tmp_path / "a.png")
+    Image.fromarray(np.stack([second, opaque], axis=-1)).save(tmp_path / "b.png")
+    tifffile.imwrite(tmp_path / "a.tiff", first)
+    for name, options in (("a.png", ()), ("a.tiff", ()), ("a.tiff", ("--kind=image",))):
+        files = (tmp_path / name, tmp_path / "b.png")
+        result = json.loads(run("compare", *files, "--encoding=linear", "--json", *options).stdout)
+        assert result["mean"] == pytest.approx(4 / 5)
+        assert result["root_mean_square"] == pytest.approx(np.sqrt(10 / 5))
+        assert (result["count"], result["unit"]) == (5, "grey levels")
+    decoded = 255 * (grey.decode_srgb(33 / 255) - grey.decode_srgb(30 / 255))
+    result = json.loads(run("compare", tmp_path / "a.png", tmp_path / "b.png", "--json").stdout)
+    assert result["maximum"] == pytest.approx(decoded)
+
+
+def test_compare_refuses(photo: Path, tmp_path: Path) -> None:
+    one, other, nan = tmp_path / "one.npy", tmp_path / "other.npy", tmp_path / "nan.npy"
+    np.save(one, np.ones((3, 4)))
+    np.save(other, np.ones((4, 3)))
+    np.save(nan, np.full((3, 4), np.nan))
+    cases: list[tuple[Sequence[str | Path], int, Sequence[str]]] = [
+        ((one, other), 1, (str(one), str(other), "(3, 4)", "(4, 3)")),
+        ((one, nan), 1, (str(one), str(nan), "can be compared")),
+        ((one, one, "--align=range"), 1, ("range",)),
+        ((one, photo), 1, (str(one),)),
+        ((one, one, "--mask", photo), 1, (str(photo), "(3, 4)")),
+        ((one, tmp_path / "missing.npy"), 1, ("missing.npy",)),
+        ((one, one, "--align=best"), 2, ("none", "scale", "range")),
+        ((one,), 2, ("B",)),
+    ]
+    for arguments, status, messages in cases:
+        outcome = run("compare", *arguments)
+        assert (outcome.status, outcome.stdout) == (status, "")
+        for message in messages:
+            assert message in outcome.stderr
+
+
+def test_devices_lists_every_device() -> None:
+    found = ps.devices()
+    table = run("devices")
+    assert table.status == 0
+    listed = json.loads(run("devices", "--json").stdout)
+    assert [entry["index"] for entry in listed] == list(range(len(found)))
+    assert sum(entry["default"] for entry in listed) == 1
+    for entry, device in zip(listed, found, strict=True):
+        (row,) = (line for line in table.stdout.splitlines() if line.split()[:1] == [str(device.index)])
+        assert (entry["name"], entry["kind"], entry["memory_bytes"]) == (device.name, device.kind, device.memory)
+        for text in (device.name, device.platform, device.platform_version, device.driver_version, device.kind):
+            assert text in row
+        assert entry["default"] == (f"{device.index} *" in row)
+
+
+def test_devices_says_what_to_install_where_there_is_none(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device_room, "_all_devices", lambda: ())
+    for arguments, stdout in ((("devices",), ""), (("devices", "--json"), "[]\n")):
+        outcome = run(*arguments)
+        assert (outcome.status, outcome.stdout) == (3, stdout)
+        assert "pip install pocl-binary-distribution" in outcome.stderr
+    assert run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL).status == 3
+    assert not (tmp_path / "out").exists()
+
+
+def test_devices_reports_a_default_that_does_not_exist(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYOPENCL_CTX", "99")
+    outcome = run("devices")
+    assert outcome.status == 3
+    assert ps.devices()[0].name in outcome.stdout
+    assert "PYOPENCL_CTX" in outcome.stderr
+
+
+def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run("demo")
+    assert outcome.status == 0
+    assert names(tmp_path / "demo-output" / "coin") == names(tmp_path / "demo-output" / "vase") == FILES
+    scene = ps.vase()
+    errors = ps.compare(np.load("demo-output/vase/depth.npy"), scene.depth, align="range")
+    assert f"ME {errors.mean:.4f}, RS {errors.root_mean_square:.4f}" in outcome.stdout
+    assert errors.mean < 0.0272 and errors.root_mean_square < 0.0559  # noqa: PT018  # the paper's
+    grey_levels = strict(Path("demo-output/coin/report.json"))["grey_levels"]
+    assert f"ME {grey_levels['mean_error']:.2f}, RS {grey_levels['root_mean_square']:.2f}" in outcome.stdout
+    coin = np.load("demo-output/coin/depth.npy")
+    assert np.count_nonzero(np.isfinite(coin)) == 2861
+    assert np.nanmax(coin) == 1
+    for named in ("vase/relief.png", "coin/relief.png", "coin/comparison.png", "coin/mesh.ply"):
+        assert str(Path("demo-output") / named) in outcome.stdout
+
+    monkeypatch.setattr(ps.Solution, "_draw", lambda _self, _folder: [])
+    assert run("demo").status == 0
+
+
+def test_help_and_version() -> None:
+    assert run("--version") == (0, f"persfs-cl {ps.__version__}\n", "")
+    overview = run("--help")
+    assert overview.status == 0
+    for name in ("reconstruct", "render", "compare", "devices", "demo"):
+        assert name in overview.stdout
+        assert run(name, "-h").status == 0
+    assert run().status == 2
+    assert run("reconstrct").status == 2
+    details = run("reconstruct", "--help").stdout
+    for name in inspect.signature(reconstruct).parameters:
+        assert name == "photo" or f"--{name.replace('_', '-')}" in details
+    for text in ("Camera", "Light", "Solver", "DEGREES", "persfs-cl reconstruct photo.jpg", "STOPPED"):
+        assert text in details
+
+
+def test_module_starts_without_what_help_does_not_need() -> None:
+    heavy = ("PIL", "imageio", "matplotlib", "tifffile", "trimesh")
+    script = f"""
+import atexit, sys
+atexit.register(lambda: print("loaded:", *{heavy!r} & sys.modules.keys()))
+sys.argv = ["persfs-cl", "--help"]
+from persfs_cl.__main__ import main
+main()
+""".replace(repr(heavy), repr(set(heavy)))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "Usage: persfs-cl" in done.stdout
+    assert done.stdout.splitlines()[-1].strip() == "loaded:"
+
+
+def test_module_as_a_command(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "persfs_cl", "reconstruct", "missing.png", "-o", "out", "--focal-length=3"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert "missing.png does not exist" in done.stderr

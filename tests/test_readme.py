@@ -1,0 +1,112 @@
+"""README.md as a reader takes it: its examples run as they stand, and print what it says; its links lead somewhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "persfs_cl").rglob("*.md")])
+
+SHELL = ("bash", "console", "sh", "shell")
+# Commands that install the project or call these very tests: they are not run here.
+NOT_RUN = ("make ", "pip ")
+
+# A fence may be indented, as part of a list.
+FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)\n(?P<text>.*?)^(?P=indent)```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r'\]\(([^)\s]+)\)|<img[^>]* src="([^"]+)"')
+PATH_IN_CODE = re.compile(r"`((?:docs|kernels|persfs_cl|tests)/[\w./]*)`")
+
+
+@dataclass(frozen=True)
+class Example:
+    """A fenced block that can be run, and the `text` block right after it, which is what it prints."""
+
+    line: int
+    language: str
+    text: str
+    output: str | None
+
+
+def examples(markdown: str) -> list[Example]:
+    found: list[Example] = []
+    fences = list(FENCE.finditer(markdown))
+    for fence, following in zip(fences, [*fences[1:], None], strict=True):
+        language = fence["language"]
+        if language == "text":
+            continue
+        output = None
+        if following and following["language"] == "text" and not markdown[fence.end() : following.start()].strip():
+            output = textwrap.dedent(following["text"])
+        line = markdown.count("\n", 0, fence.start()) + 1
+        found.append(Example(line, language, textwrap.dedent(fence["text"]), output))
+    return found
+
+
+def commands(console: str) -> str:
+    """What is typed in a block that also shows the prompt and the answers."""
+    typed = [line for line in console.splitlines() if line.startswith(("$ ", "> "))]
+    return "\n".join(line[2:] for line in typed) if typed else console
+
+
+README = examples((ROOT / "README.md").read_text(encoding="utf-8"))
+
+
+def test_readme_has_examples_of_both_kinds_and_output() -> None:
+    assert {"python", "bash"} <= {example.language for example in README}
+    assert {example.language for example in README} <= {"python", *SHELL}, "a language that no test runs"
+    assert any(example.output for example in README)
+
+
+@pytest.mark.parametrize("example", README, ids=lambda example: f"line {example.line}, {example.language}")
+def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
+    scripts = Path(sys.executable).parent
+    assert (scripts / "persfs-cl").exists(), f"persfs-cl is not installed beside {sys.executable}"
+    if example.language == "python":
+        command = [sys.executable, "-c", example.text]
+    else:
+        lines = commands(example.text).splitlines()
+        excluded = [line for line in lines if line.startswith(NOT_RUN)]
+        if len(excluded) == len([line for line in lines if line.strip()]):
+            pytest.skip(f"not run: {'; '.join(line.partition('#')[0].strip() for line in excluded)}")
+        command = ["bash", "-euo", "pipefail", "-c", "\n".join(line for line in lines if line not in excluded)]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env={**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"README.md, line {example.line}:\n{done.stdout}\n{done.stderr}"
+    if example.output is not None:
+        assert done.stdout == example.output
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    prose = FENCE.sub("", text)
+    headings = {
+        re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+        for title in re.findall(r"^#+ (.+)$", prose, re.MULTILINE)
+    }
+    for target in (inline or image for inline, image in LINK.findall(prose)):
+        if target.startswith(("http://", "https://")):
+            continue
+        file, _, heading = target.partition("#")
+        assert (page.parent / file).exists(), f"{page.name} links to {target}, which does not exist"
+        assert file or heading in headings, f"{page.name} links to {target}, but has no such heading"
+    for path in PATH_IN_CODE.findall(prose):
+        assert (ROOT / path).exists(), f"{page.name} names {path}, which does not exist"
+
+
+def test_the_picture_is_small() -> None:
+    assert (ROOT / "docs" / "demo.png").stat().st_size < 400_000
