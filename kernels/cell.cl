@@ -6,13 +6,15 @@
  * In `brightness` a NaN marks a cell that is not swept: no comparison accepts its candidate. A set sign marks a swept
  * cell on the rim, with a neighbour missing; only there are its flags read.
  */
-/* Left and right may change places, and so may up and down, if the spacing changes its sign: the bits are the same. */
+/* `to_p` and `to_q` turn differences into dZ/dx and dZ/dy: 1 / (2 dx), with the sign of the surface. Left and right may
+ * change places, and so may up and down, if these change their sign: the bits are the same.
+ */
 static inline number inner_value(const number brightness, const number left, const number right, const number up,
-                                 const number down, const real half_inverse_dx, const real half_inverse_dy,
-                                 const axis x, const axis y, __global const real *parameters)
+                                 const number down, const real to_p, const real to_q, const axis x, const axis y,
+                                 const real *parameters)
 {
-    const number value = candidate(brightness, (right - left) * half_inverse_dx, (down - up) * half_inverse_dy,
-                                   right + left, down + up, x, y, parameters);
+    const number value = candidate(brightness, (right - left) * to_p, (down - up) * to_q, right + left, down + up,
+                                   x, y, parameters);
     const number highest = least(least(left, right) + parameters[STEP_X], least(up, down) + parameters[STEP_Y]);
     return highest < value ? highest : value;
 }
@@ -36,7 +38,7 @@ static inline number constrained(const number here, const number before, const n
 /* As inner_value, where `flags` may say that neighbours are missing; their values are of no consequence. */
 static inline number rim_value(const number brightness, const integer flags, const number here, const number left,
                                const number right, const number up, const number down, const axis x, const axis y,
-                               __global const real *parameters)
+                               const real *parameters)
 {
     /* All bits set or none, as a condition on vectors wants them. */
     const integer no_left = -((flags / NO_LEFT) & 1), no_right = -((flags / NO_RIGHT) & 1);
@@ -55,7 +57,8 @@ static inline number rim_value(const number brightness, const integer flags, con
     }
     const number sum_x = (no_left | no_right) != 0 ? here + here : right + left;
     const number sum_y = (no_up | no_down) != 0 ? here + here : down + up;
-    const number value = candidate(brightness, gradient_x, gradient_y, sum_x, sum_y, x, y, parameters);
+    const real sign = parameters[SURFACE_SIGN];
+    const number value = candidate(brightness, sign * gradient_x, sign * gradient_y, sum_x, sum_y, x, y, parameters);
     const number none = (number)INFINITY;
     const number lowest_x = least(no_left != 0 ? none : left, no_right != 0 ? none : right);
     const number lowest_y = least(no_up != 0 ? none : up, no_down != 0 ? none : down);
@@ -76,18 +79,19 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
                                __global const real *brightness, /* E, marked as above, same shape    */
                                __global const uchar *flags,     /* see prelude, same shape           */
                                const size_t cell, const size_t left, const size_t right, const size_t up,
-                               const size_t down, const axis x, const axis y, __global const real *parameters)
+                               const size_t down, const axis x, const axis y, const real *parameters)
 {
     const real shading = brightness[cell];
     if (isnan(shading))
         return;
     const real here = log_depth[cell];
     const real value =
-        as_integer(shading) < 0
-            ? rim_value(fabs(shading), flags[cell], here, log_depth[left], log_depth[right], log_depth[up],
+        any_sign(as_integer(shading))
+            ? rim_value(magnitude(shading), flags[cell], here, log_depth[left], log_depth[right], log_depth[up],
                         log_depth[down], x, y, parameters)
             : inner_value(shading, log_depth[left], log_depth[right], log_depth[up], log_depth[down],
-                          parameters[HALF_INVERSE_DX], parameters[HALF_INVERSE_DY], x, y, parameters);
+                          parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX],
+                          parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY], x, y, parameters);
     if (value < here)
         log_depth[cell] = value;
 }

@@ -1,11 +1,9 @@
 /* Largest change of Z over an iteration, and the copy that the next iteration is compared with.
  *
- * Work-groups reduce their shares of an image to one number each and merge these by an atomic maximum: the bits of
- * floats that are not negative are in the order of the floats. The group size must be a power of two. Global size
- * (groups * items, images), work-group size (items, 1).
+ * Each work-item takes its share of an image in vectors, and merges its largest change by an atomic maximum: the bits of
+ * floats that are not negative are in the order of the floats. The stored size is a multiple of LANES. Global size
+ * (items, images).
  */
-#define MOST_ITEMS 64
-
 __kernel void change(__global const real *log_depth, /* shape (images, size)                                      */
                      __global real *previous,        /* Z before the iteration; Z after it on return, same shape  */
                      __global float *changes,        /* see prelude; zero for this iteration on entry             */
@@ -16,25 +14,30 @@ __kernel void change(__global const real *log_depth, /* shape (images, size)    
     const int image = (int)get_global_id(1), images = (int)get_global_size(1);
     if (finished(changes, iteration, image, images, tolerance))
         return;
-    __local float scratch[MOST_ITEMS];
-    const int item = (int)get_local_id(0), items = (int)get_local_size(0);
-    const int share = (size + (int)get_num_groups(0) - 1) / (int)get_num_groups(0);
-    const size_t first = (size_t)image * (size_t)size;
-    const size_t begin = first + (size_t)get_group_id(0) * (size_t)share;
-    const size_t end = min(begin + (size_t)share, first + (size_t)size);
-    real largest = 0;
-    for (size_t cell = begin + (size_t)item; cell < end; cell += (size_t)items) {
-        const real value = log_depth[cell];
-        largest = most(largest, previous[cell] - value);
-        previous[cell] = value;
+    const size_t begin = (size_t)image * (size_t)size, items = get_global_size(0);
+    /* On a CPU neighbouring work-items take distant parts, on a GPU neighbouring vectors. */
+    const size_t vectors = (size_t)size / LANES, share = (vectors + items - 1) / items;
+    const size_t first = LANES == 1 ? get_global_id(0) : get_global_id(0) * share;
+    const size_t last = LANES == 1 ? vectors : min(first + share, vectors);
+    const size_t step = LANES == 1 ? items : 1;
+    number largest = 0;
+    for (size_t vector = first; vector < last; vector += step) {
+        const size_t cell = begin + vector * LANES;
+        const number value = LOAD(log_depth + cell);
+        largest = most(largest, LOAD(previous + cell) - value);
+        STORE(previous + cell, value);
     }
-    scratch[item] = (float)largest;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int half_size = items / 2; half_size > 0; half_size /= 2) {
-        if (item < half_size)
-            scratch[item] = fmax(scratch[item], scratch[item + half_size]);
-        barrier(CLK_LOCAL_MEM_FENCE);
-    }
-    if (item == 0)
-        atomic_max((__global int *)(changes + iteration * images + image), as_int(scratch[0]));
+    real change = 0;
+#if LANES == 8
+    union {
+        number all;
+        real lane[8];
+    } each;
+    each.all = largest;
+    for (int k = 0; k < 8; ++k)
+        change = each.lane[k] > change ? each.lane[k] : change;
+#else
+    change = largest;
+#endif
+    atomic_max((__global int *)(changes + iteration * images + image), as_int((float)change));
 }

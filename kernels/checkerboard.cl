@@ -6,16 +6,6 @@
  *
  * One work-item updates LANES cells: global size (half stride / LANES, rows - 2, images). In place.
  */
-#if LANES == 1
-#define LOAD(from) (*(from))
-#define STORE(to, value) (*(to) = (value))
-#define LOAD_FLAGS(from) (*(from))
-#else
-#define LOAD(from) (*(__global const unaligned *)(from))
-#define STORE(to, value) (*(__global unaligned *)(to) = (value))
-#define LOAD_FLAGS(from) convert_integer(vload8(0, (from)))
-#endif
-
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
                     __global const uchar *flags,       /* same shape                                          */
@@ -44,18 +34,19 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const number before = LOAD(log_depth + left), after = LOAD(log_depth + left + 1);
     const number up = LOAD(log_depth + cell - stride), down = LOAD(log_depth + cell + stride);
 
-    __global const real *numbers = parameters + image * PARAMETERS;
+    real numbers[PARAMETERS];
+    copy_parameters(numbers, parameters, image);
     __global const real *columns = column_table + image * 3 * stride + odd * half_stride + first;
     __global const real *line = row_table + image * 3 * rows + row;
     const axis x = {LOAD(columns), LOAD(columns + stride), LOAD(columns + 2 * stride)};
     const axis y = {(number)line[0], (number)line[rows], (number)line[2 * rows]};
 
-    number value = inner_value(shading, before, after, up, down, numbers[HALF_INVERSE_DX],
-                               numbers[HALF_INVERSE_DY], x, y, numbers);
+    number value = inner_value(shading, before, after, up, down, numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DX],
+                               numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DY], x, y, numbers);
     const integer on_rim = as_integer(shading) < 0;
-    if (any_lane(on_rim)) {
+    if (any_sign(as_integer(shading))) {
         const number rim =
-            rim_value(fabs(shading), LOAD_FLAGS(flags + cell), here, before, after, up, down, x, y, numbers);
+            rim_value(magnitude(shading), LOAD_FLAGS(flags + cell), here, before, after, up, down, x, y, numbers);
         value = on_rim ? rim : value;
     }
     STORE(log_depth + cell, value < here ? value : here);

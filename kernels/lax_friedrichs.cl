@@ -19,19 +19,17 @@ typedef struct {
 } axis;
 
 static inline number candidate(const number brightness, /* E                                */
-                               const number gradient_x, /* p, of Z or W                     */
-                               const number gradient_y, /* q                                */
-                               const number sum_x,      /* Z_r + Z_l                        */
+                               const number p,          /* dZ/dx, also where W is solved for */
+                               const number q,          /* dZ/dy                            */
+                               const number sum_x,      /* Z_r + Z_l, or of W               */
                                const number sum_y,      /* Z_d + Z_u                        */
-                               const axis x, const axis y, __global const real *parameters)
+                               const axis x, const axis y, const real *parameters)
 {
     const number weight_x = multiply_add(brightness, x.root, x.offset);
     const number weight_y = multiply_add(brightness, y.root, y.offset);
     const number scale = (number)0.5f / (weight_x + weight_y);
-    const number p = parameters[SURFACE_SIGN] * gradient_x;
-    const number q = parameters[SURFACE_SIGN] * gradient_y;
     const number regular = multiply_add(
         weight_x, sum_x, multiply_add(weight_y, sum_y, shade(p, q, x.coordinate, y.coordinate, parameters)));
     const number norm = surface_norm(p, q, x.coordinate, y.coordinate);
-    return multiply_add(-(brightness * scale), norm, regular * scale);
+    return multiply_subtract_from(regular * scale, brightness * scale, norm);
 }

@@ -23,6 +23,8 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const int image = (int)get_global_id(0);
     if (finished(changes, iteration, image, (int)get_global_size(0), tolerance))
         return;
+    real numbers[PARAMETERS];
+    copy_parameters(numbers, parameters, image);
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     for (int i = 0; i < height; ++i)
         for (int j = 0; j < width; ++j) {
@@ -31,6 +33,6 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
             update_cell(log_depth, brightness, flags, cell, cell - 1, cell + 1, cell - (size_t)stride,
                         cell + (size_t)stride, axis_at(column_table + image * 3 * stride, stride, column),
-                        axis_at(row_table + image * 3 * rows, rows, row), parameters + image * PARAMETERS);
+                        axis_at(row_table + image * 3 * rows, rows, row), numbers);
         }
 }

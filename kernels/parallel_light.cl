@@ -20,7 +20,7 @@ static inline number surface_norm(const number p, const number q, const number x
 
 /* Cosine between normal and light times S, n / k. */
 static inline number shade(const number p, const number q, const number x, const number y,
-                           __global const real *parameters)
+                           const real *parameters)
 {
     const number n = multiply_add(x - parameters[LIGHT_P0], p, multiply_add(y - parameters[LIGHT_Q0], q, (number)1));
     return n * parameters[LIGHT_INVERSE_NORM];
@@ -32,7 +32,7 @@ static inline number shade(const number p, const number q, const number x, const
  * is the steepest slope. `along` and `across` are x and y, or y and x; `light` is the light's slope along the axis.
  */
 static inline number least_gradient(const number brightness, const number gradient_across, const number along,
-                                    const number across, const real light, __global const real *parameters)
+                                    const number across, const real light, const real *parameters)
 {
     const real steepest = parameters[STEEPEST];
     const number q = parameters[SURFACE_SIGN] * gradient_across;
@@ -41,6 +41,6 @@ static inline number least_gradient(const number brightness, const number gradie
     const number v = multiply_add(across, q, (number)1);
     const number excess = multiply_add(a * brightness, brightness, -(m * m));
     const number t = m * root(multiply_add(a * q, q, v * v) / most(excess, (number)0));
-    const number slope = excess > (number)0 ? (t - along * v) / a : copysign((number)steepest, m);
+    const number slope = excess > (number)0 ? (t - along * v) / a : (m < (number)0 ? (number)(-steepest) : (number)steepest);
     return parameters[SURFACE_SIGN] * most(least(slope, (number)steepest), (number)(-steepest));
 }

@@ -40,12 +40,25 @@ typedef int integer;
 #define convert_integer convert_int
 #endif
 
+/* Vectors at any address. */
+#if LANES == 8
+#define LOAD(from) (*(__global const unaligned *)(from))
+#define STORE(to, value) (*(__global unaligned *)(to) = (value))
+#define LOAD_FLAGS(from) convert_integer(vload8(0, (from)))
+#else
+#define LOAD(from) (*(from))
+#define STORE(to, value) (*(to) = (value))
+#define LOAD_FLAGS(from) (*(from))
+#endif
+
 #pragma OPENCL FP_CONTRACT OFF
 
 #if FUSED
 #define multiply_add(a, b, c) fma((number)(a), (number)(b), (number)(c))
+#define multiply_subtract_from(c, a, b) fma(-(number)(a), (number)(b), (number)(c))
 #else
 #define multiply_add(a, b, c) ((a) * (b) + (c))
+#define multiply_subtract_from(c, a, b) ((c) - (a) * (b))
 #endif
 
 #if FAST_SQRT && USE_DOUBLE
@@ -75,12 +88,18 @@ static inline number most(const number a, const number b)
     return a > b ? a : b;
 }
 
-static inline int any_lane(const integer condition)
+static inline number magnitude(const number a)
+{
+    return most(a, -a);
+}
+
+/* Whether the sign bit of any lane is set. */
+static inline int any_sign(const integer bits)
 {
 #if LANES == 8
-    return any(condition);
+    return ((bits.s0 | bits.s1) | (bits.s2 | bits.s3) | (bits.s4 | bits.s5) | (bits.s6 | bits.s7)) < 0;
 #else
-    return condition != 0;
+    return bits < 0;
 #endif
 }
 
@@ -99,6 +118,13 @@ static inline int any_lane(const integer condition)
 #define STEEPEST 4        /* largest slope |dZ/dx|, |dZ/dy|                */
 #define FIRST_MODEL_PARAMETER 5
 #define PARAMETERS 16     /* length of one image's part of the buffer      */
+
+/* A private copy of them: the compiler need not think that a store of Z may change them. */
+static inline void copy_parameters(real *copy, __global const real *all, const int image)
+{
+    for (int k = 0; k < PARAMETERS; ++k)
+        copy[k] = all[image * PARAMETERS + k];
+}
 
 /* Whether an image of this run has met its tolerance: its cells then stay as they are. `changes` holds max |dZ| of the
  * iterations that were queued together, shape (iterations, images).

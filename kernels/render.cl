@@ -30,12 +30,15 @@ __kernel void render(__global const real *log_depth,  /* Z, shape (height, width
         brightness[cell] = (real)NAN;
         return;
     }
+    real numbers[PARAMETERS];
+    copy_parameters(numbers, parameters, 0);
     const real here = log_depth[cell];
     const real p = slope(log_depth[flag & NO_LEFT ? cell : cell - 1], here,
                          log_depth[flag & NO_RIGHT ? cell : cell + 1], flag & NO_LEFT, flag & NO_RIGHT,
-                         parameters[HALF_INVERSE_DX]);
+                         numbers[HALF_INVERSE_DX]);
     const real q = slope(log_depth[flag & NO_UP ? cell : cell - (size_t)width], here,
                          log_depth[flag & NO_DOWN ? cell : cell + (size_t)width], flag & NO_UP, flag & NO_DOWN,
-                         parameters[HALF_INVERSE_DY]);
-    brightness[cell] = shade(p, q, columns[column], lines[row], parameters) / surface_norm(p, q, columns[column], lines[row]);
+                         numbers[HALF_INVERSE_DY]);
+    const real x = columns[column], y = lines[row];
+    brightness[cell] = shade(p, q, x, y, numbers) / surface_norm(p, q, x, y);
 }

@@ -28,18 +28,8 @@
 #define FIRST_PROGRESS 2
 #define PATIENCE 200000000
 
-static inline number load(__global const real *from)
-{
-    return *(__global const unaligned *)from;
-}
-
-static inline void store(__global real *to, const number values)
-{
-    *(__global unaligned *)to = values;
-}
-
 /* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
-static inline void transpose(number *vectors)
+static inline __attribute__((always_inline)) void transpose(number *vectors)
 {
     number pairs[8], fours[8];
     __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 8; i += 2) {
@@ -80,64 +70,103 @@ static inline axis gather_axis(__global const real *table, const int length, con
     return result;
 }
 
-/* Wait until `progress` has reached `needed`; 0 when patience has run out here or elsewhere. */
-static inline int wait_for(__global volatile int *sync, __global volatile int *progress, const int needed)
+/* What a strip carries from step to step. */
+typedef struct {
+    number here[BANDS];   /* old values of the lanes              */
+    number result[BANDS]; /* new values of the step before        */
+    axis y[BANDS];        /* of the rows                          */
+} lanes;
+
+/* What stays the same along a strip. */
+typedef struct {
+    long column_step; /* 1 or -1                                              */
+    long skew;        /* from a lane to the one below it, on the same step    */
+    int leftwards, upwards;
+    int stride;
+    real to_p, to_q;  /* see cell.cl                                          */
+} course;
+
+/* One step of a strip: all its lanes. `with_rim` is a constant in each call. */
+static inline __attribute__((always_inline)) void
+run_step(lanes *state, number right[BANDS][8], number shading[BANDS][8], const int k, const real above,
+         const real below, __global const real *table, __global const uchar *flags, const course *way,
+         const real *parameters, const int with_rim)
 {
-    for (int polls = 0; atomic_add(progress, 0) < needed; ++polls)
-        if (polls > PATIENCE || atomic_add(sync + FAILURES, 0) != 0) {
-            atomic_inc(sync + FAILURES);
-            return 0;
+    /* From the last band upwards, so that each finds the old result of the band above it. */
+    __attribute__((opencl_unroll_hint(BANDS))) for (int band = BANDS - 1; band >= 0; --band) {
+        const number e = shading[band][k], next = right[band][k], last = state->result[band];
+        const number here = state->here[band];
+        number up = last.s00123456, down = next.s12345677;
+        up.s0 = band == 0 ? above : state->result[band - 1].s7;
+        down.s7 = band == BANDS - 1 ? below : right[band + 1][k].s0;
+        __global const real *at = table + band * 8;
+        const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
+        number value = inner_value(e, last, next, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
+        if (with_rim && any_sign(as_integer(e))) {
+            const integer missing = gather_flags(flags + band * 8 * way->skew, way->skew);
+            const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? next : last,
+                                         way->leftwards ? last : next, way->upwards ? down : up,
+                                         way->upwards ? up : down, x, state->y[band], parameters);
+            value = as_integer(e) < 0 ? rim : value;
         }
-    return 1;
+        const number result = value < here ? value : here;
+        state->result[band] = result;
+        state->here[band] = next;
+        shading[band][k] = result;
+    }
 }
 
-/* `leftwards` is a constant in each call, so that the compiler makes two functions with straight addressing. */
-static inline int run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
-                            __global const real *parameters, __global const real *column_table,
-                            __global const real *row_table, __global volatile int *sync,
-                            __global volatile int *progress, const int rows, const int stride, const int first_row,
-                            const int first_column, const int height, const int width, const int leftwards,
-                            const int upwards, const int strip, const int done_before)
+/* `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. */
+static inline __attribute__((always_inline)) int
+run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
+          const real *parameters, __global const real *column_table, __global const real *row_table,
+          __global volatile int *sync, __global volatile int *progress, const int rows, const int stride,
+          const int first_row, const int first_column, const int height, const int width, const int leftwards,
+          const int upwards, const int strip, const int done_before)
 {
     const int blocks = (width + STRIP_ROWS - 1 + 7) / 8;
     const long column_step = leftwards ? -1 : 1;
     const long row_step = upwards ? -(long)stride : (long)stride;
-    const long skew = row_step - column_step; /* from a lane to the one below it, on the same step */
+    const long skew = row_step - column_step;
     const long row = first_row + (upwards ? height - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
     const long column = first_column + (leftwards ? width - 1 : 0);
     /* Where the first of eight steps lies in memory, seen from the cell of the step that comes first in time. */
     const long low = leftwards ? -7 : 0;
+    /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
+    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
+    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
+    const course way = {column_step, skew, leftwards, upwards, stride, leftwards ? -to_p : to_p, upwards ? -to_q : to_q};
 
     long cell = row * stride + column; /* of lane 0 */
     /* Lanes run against the columns: rightwards through the reversed half of the table. */
-    __global const real *lanes_table = column_table + (leftwards ? 0 : 3 * stride);
-    long table_index = leftwards ? column : stride - 1 - column;
+    __global const real *table = column_table + (leftwards ? column : 3 * stride + stride - 1 - column);
 
-    /* The names below are those of a sweep to the right and down. In the others the neighbours change places. */
-    const real signed_dx = leftwards ? -parameters[HALF_INVERSE_DX] : parameters[HALF_INVERSE_DX];
-    const real signed_dy = upwards ? -parameters[HALF_INVERSE_DY] : parameters[HALF_INVERSE_DY];
-
-    axis y[BANDS];
-    number here[BANDS], result[BANDS];
+    lanes state;
     for (int band = 0; band < BANDS; ++band) {
         const long first = cell + band * 8 * skew;
-        y[band] = gather_axis(row_table, rows, row + (upwards ? -8 * band : 8 * band), upwards ? -1 : 1);
-        here[band] = gather(log_depth + first, skew);
-        result[band] = gather(log_depth + first - column_step, skew);
+        state.y[band] = gather_axis(row_table, rows, row + (upwards ? -8 * band : 8 * band), upwards ? -1 : 1);
+        state.here[band] = gather(log_depth + first, skew);
+        state.result[band] = gather(log_depth + first - column_step, skew);
     }
 
+    int ahead = strip > 0 ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
     for (int block = 0; block < blocks; ++block) {
-        if (strip > 0) {
-            const int needed = done_before + min(block + STRIP_ROWS / 8 + 1, blocks);
-            if (!wait_for(sync, progress - 1, needed))
+        const int needed = done_before + min(block + STRIP_ROWS / 8 + 1, blocks);
+        for (int polls = 0; ahead < needed; ++polls) {
+            ahead = atomic_add(progress - 1, 0);
+            if (ahead < needed && (polls > PATIENCE || atomic_add(sync + FAILURES, 0) != 0)) {
+                atomic_inc(sync + FAILURES);
                 return 0;
+            }
         }
         number right[BANDS][8], shading[BANDS][8];
-        for (int band = 0; band < BANDS; ++band) {
-            for (int r = 0; r < 8; ++r) {
+        integer signs = 0;
+        __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
+            __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r) {
                 const long at = cell + (band * 8 + r) * skew + low;
-                right[band][r] = load(log_depth + at + column_step);
-                shading[band][r] = load(brightness + at);
+                right[band][r] = LOAD(log_depth + at + column_step);
+                shading[band][r] = LOAD(brightness + at);
+                signs |= as_integer(shading[band][r]);
             }
             transpose(right[band]);
             transpose(shading[band]);
@@ -146,41 +175,38 @@ static inline int run_strip(__global real *log_depth, __global const real *brigh
             number all;
             real step[8];
         } above, below;
-        above.all = load(log_depth + cell - row_step + low);
-        below.all = load(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
-
-        __attribute__((opencl_unroll_hint(8))) for (int step = 0; step < 8; ++step) {
-            const int k = leftwards ? 7 - step : step;
-            /* From the last band upwards, so that each finds the old result of the band above it. */
-            __attribute__((opencl_unroll_hint(BANDS))) for (int band = BANDS - 1; band >= 0; --band) {
-                const number e = shading[band][k], next = right[band][k];
-                number up = result[band].s00123456, down = next.s12345677;
-                up.s0 = band == 0 ? above.step[k] : result[band - 1].s7;
-                down.s7 = band == BANDS - 1 ? below.step[k] : right[band + 1][k].s0;
-                const long index = table_index - step + band * 8;
-                const axis x = {load(lanes_table + index), load(lanes_table + stride + index),
-                                load(lanes_table + 2 * stride + index)};
-                number value = inner_value(e, result[band], next, up, down, signed_dx, signed_dy, x, y[band], parameters);
-                const integer on_rim = as_integer(e) < 0;
-                if (any_lane(on_rim)) {
-                    const integer lanes = gather_flags(flags + cell + step * column_step + band * 8 * skew, skew);
-                    const number rim = rim_value(fabs(e), lanes, here[band], leftwards ? next : result[band],
-                                                 leftwards ? result[band] : next, upwards ? down : up,
-                                                 upwards ? up : down, x, y[band], parameters);
-                    value = on_rim ? rim : value;
+        above.all = LOAD(log_depth + cell - row_step + low);
+        below.all = LOAD(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
+        if (any_sign(signs)) {
+            /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
+            number right_copy[BANDS][8], shading_copy[BANDS][8];
+            __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
+                __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k) {
+                    right_copy[band][k] = right[band][k];
+                    shading_copy[band][k] = shading[band][k];
                 }
-                result[band] = value < here[band] ? value : here[band];
-                here[band] = next;
-                shading[band][k] = result[band];
+            __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < 8; ++step) {
+                const int k = leftwards ? 7 - step : step;
+                run_step(&state, right_copy, shading_copy, k, above.step[k], below.step[k], table - step,
+                         flags + cell + step * column_step, &way, parameters, 1);
+            }
+            __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
+                __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k)
+                    shading[band][k] = shading_copy[band][k];
+        } else {
+            __attribute__((opencl_unroll_hint(8))) for (int step = 0; step < 8; ++step) {
+                const int k = leftwards ? 7 - step : step;
+                run_step(&state, right, shading, k, above.step[k], below.step[k], table - step, flags, &way,
+                         parameters, 0);
             }
         }
-        for (int band = 0; band < BANDS; ++band) {
+        __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
             transpose(shading[band]);
-            for (int r = 0; r < 8; ++r)
-                store(log_depth + cell + (band * 8 + r) * skew + low, shading[band][r]);
+            __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r)
+                STORE(log_depth + cell + (band * 8 + r) * skew + low, shading[band][r]);
         }
         cell += 8 * column_step;
-        table_index -= 8;
+        table -= 8;
         atomic_xchg(progress, done_before + block + 1);
     }
     return 1;
@@ -222,7 +248,9 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
         const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
         __global volatile int *progress = sync + FIRST_PROGRESS + image * strips + strip;
         __global real *z = log_depth + begin;
-        __global const real *e = brightness + begin, *numbers = parameters + image * PARAMETERS;
+        __global const real *e = brightness + begin;
+        real numbers[PARAMETERS];
+        copy_parameters(numbers, parameters, image);
         __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
         const int done_before = sweeps_before * blocks;
         const int good =

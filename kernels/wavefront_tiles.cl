@@ -36,6 +36,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
     const int image = (int)get_group_id(1);
     if (finished(changes, iteration, image, (int)get_num_groups(1), tolerance))
         return;
+    real numbers[PARAMETERS];
+    copy_parameters(numbers, parameters, image);
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     const int tile_row = first_tile_row + (int)get_group_id(0);
     const int i = tile_row * TILE_ROWS + (int)get_local_id(0);
@@ -50,7 +52,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
             update_cell(log_depth, brightness, flags, cell, cell - 1, cell + 1, cell - (size_t)stride,
                         cell + (size_t)stride, axis_at(column_table + image * 3 * stride, stride, column),
-                        axis_at(row_table + image * 3 * rows, rows, row), parameters + image * PARAMETERS);
+                        axis_at(row_table + image * 3 * rows, rows, row), numbers);
         }
         barrier(CLK_GLOBAL_MEM_FENCE);
     }

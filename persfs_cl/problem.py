@@ -14,7 +14,6 @@ from persfs_cl.errors import InputError
 from persfs_cl.forward import kernel_axes, kernel_parameters
 from persfs_cl.light import ParallelLight
 
-
 _LARGEST = 700.0
 """|ln z| beyond which z is no longer a float64."""
 

@@ -17,7 +17,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.errors import ConvergenceError, InputError
 from persfs_cl.forward import shading_model
 from persfs_cl.light import ParallelLight
-from persfs_cl.problem import check, prepare
+from persfs_cl.problem import Problem, check, prepare
 from persfs_cl.reflectance import Lambertian
 from persfs_cl.solution import Elapsed, Solution, Status
 
@@ -61,8 +61,8 @@ def reconstruct(
     Parameters
     ----------
     image : array_like of float, shape (height, width)
-        Normalised reflectance E in [0, 1], in linear light. A single row or column is a profile: the slope across it
-        is taken as zero.
+        Normalised reflectance E in [0, 1], in linear light. A single row or column is a profile: across it the slope
+        is that at which H is least.
     camera : Camera
     light : ParallelLight
         Frontal by default.
@@ -212,10 +212,13 @@ def reconstruct_batch(
     chosen = select_device(device)
     chosen.real(precision)
 
+    def _prepared(entry: tuple[Any, Any, Any, Any, Any]) -> Problem:
+        return prepare(*entry, light, surface, options.boundary, max_slope)
+
     solutions: list[Solution | None] = [None] * count
     stopped = False
     for members in _pieces([np.shape(image) for image in images], chosen, precision):
-        problems = [prepare(*inputs[number], light, surface, options.boundary, max_slope) for number in members]
+        problems = [_prepared(inputs[number]) for number in members]
         build_began = time.perf_counter()
         sweeper = Sweeper(
             chosen,

@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "persfs_cl").rglob("*.md")])
 
-SHELL = ("bash", "console", "sh", "shell")
+SHELL = ("bash", "console")
 # Commands that install the project or call these very tests: they are not run here.
 NOT_RUN = ("make ", "pip ")
 
@@ -50,10 +50,12 @@ def examples(markdown: str) -> list[Example]:
     return found
 
 
-def commands(console: str) -> str:
-    """What is typed in a block that also shows the prompt and the answers."""
-    typed = [line for line in console.splitlines() if line.startswith(("$ ", "> "))]
-    return "\n".join(line[2:] for line in typed) if typed else console
+def typed_lines(example: Example) -> list[str]:
+    """The commands of a shell block; a console block also shows prompts, and what the commands print."""
+    lines = [line for line in example.text.splitlines() if line.strip()]
+    if example.language == "console":
+        return [line[2:] for line in lines if line.startswith(("$ ", "> "))]
+    return lines
 
 
 README = examples((ROOT / "README.md").read_text(encoding="utf-8"))
@@ -72,11 +74,11 @@ def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
     if example.language == "python":
         command = [sys.executable, "-c", example.text]
     else:
-        lines = commands(example.text).splitlines()
-        excluded = [line for line in lines if line.startswith(NOT_RUN)]
-        if len(excluded) == len([line for line in lines if line.strip()]):
-            pytest.skip(f"not run: {'; '.join(line.partition('#')[0].strip() for line in excluded)}")
-        command = ["bash", "-euo", "pipefail", "-c", "\n".join(line for line in lines if line not in excluded)]
+        lines = typed_lines(example)
+        runnable = [line for line in lines if not line.startswith(NOT_RUN)]
+        if not runnable:
+            pytest.skip(f"not run: {'; '.join(line.partition('#')[0].strip() for line in lines)}")
+        command = ["bash", "-euo", "pipefail", "-c", "\n".join(runnable)]
     done = subprocess.run(
         command,
         cwd=tmp_path,
@@ -94,10 +96,8 @@ def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
 def test_links_lead_to_files(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     prose = FENCE.sub("", text)
-    headings = {
-        re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
-        for title in re.findall(r"^#+ (.+)$", prose, re.MULTILINE)
-    }
+    titles = re.findall(r"^#+ (.+)$", prose, re.MULTILINE)
+    headings = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
     for target in (inline or image for inline, image in LINK.findall(prose)):
         if target.startswith(("http://", "https://")):
             continue

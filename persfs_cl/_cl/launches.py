@@ -176,16 +176,15 @@ class Sweeper:
         self.kernel_seconds = 0.0
 
         sweeping = program(device, [model, scheme, "cell", self.tuning.variant], precision, self.tuning.definitions)
-        common = program(device, ["boundary", "change"], precision)
+        boundary = program(device, ["boundary"], precision)
+        measure = program(device, ["change"], precision, {"LANES": 8 if device.kind == "cpu" else 1})
 
         stored = self._stack([layout.store(grid.log_depth, 0.0, self._real) for grid in grids])
         self._log_depth = self._upload(stored)
         self._previous = self._upload(stored)
         strips = self.tuning.variant == "wavefront_strips"
-        parameters = np.zeros((self.count, _PARAMETERS))
-        for numbers, grid in zip(parameters, grids, strict=True):
-            numbers[: len(grid.parameters)] = grid.parameters
-        self._parameters = self._upload(parameters.astype(self._real))
+        numbers = self._stack([_numbers(grid.parameters) for grid in grids])
+        self._parameters = self._upload(numbers.astype(self._real))
         self._changes = self._buffer(4 * self.count)
         self._sweep = cl.Kernel(sweeping, "sweep")
         self._sweep_buffers = (
@@ -208,12 +207,12 @@ class Sweeper:
             self._sync_buffer = self._upload(self._sync)
             scalars += [None, np.int32, np.int32]
         self._sweep.set_scalar_arg_dtypes(scalars)
-        self._prepare_boundary(common, grids, linear, lowest)
+        self._prepare_boundary(boundary, grids, linear, lowest)
 
-        self._change = cl.Kernel(common, "change")
+        self._change = cl.Kernel(measure, "change")
         self._change.set_scalar_arg_dtypes([None] * 3 + [np.int32, np.float32, np.int32])
-        self._change_items = min(64, _group_size(self._change, device))
-        self._change_groups = max(1, min(4 * device.compute_units, layout.size // (4 * self._change_items)))
+        per_unit = 1 if device.kind == "cpu" else 1024
+        self._change_items = max(1, min(per_unit * device.compute_units, layout.size // 1024))
 
     def run(self, iterations: int) -> NDArray[np.float64]:
         """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
@@ -323,11 +322,10 @@ class Sweeper:
         self._row = 1
 
     def _measure(self) -> Any:
-        items = self._change_items
         event = self._change(
             self._device.queue,
-            (self._change_groups * items, self.count),
-            (items, 1),
+            (self._change_items, self.count),
+            None if self._device.kind == "gpu" else (1, 1),
             self._log_depth,
             self._previous,
             self._changes,
@@ -348,7 +346,7 @@ class Sweeper:
                 "does not run work-groups side by side: try again, or use ordering='checkerboard'."
             )
 
-    def _prepare_boundary(self, common: cl.Program, grids: Sequence[Grid], linear: bool, lowest: float) -> None:
+    def _prepare_boundary(self, program: cl.Program, grids: Sequence[Grid], linear: bool, lowest: float) -> None:
         counts = np.array([len(grid.cells) for grid in grids])
         self._renew: cl.Kernel | None = None
         if not counts.any():
@@ -356,7 +354,7 @@ class Sweeper:
         edges = np.array([grid.edges for grid in grids])
         begins = np.cumsum(counts) - counts
         layout = self._layout
-        self._renew = cl.Kernel(common, "renew_boundary")
+        self._renew = cl.Kernel(program, "renew_boundary")
         scalars = [np.int32, np.float32, np.int32, np.int32, np.float32]
         self._renew.set_scalar_arg_dtypes([None] * 8 + scalars)
         self._renew_items = min(256, _group_size(self._renew, self._device))
@@ -404,13 +402,18 @@ def render(
             None,
             _upload(device, log_depth.astype(real)),
             _upload(device, flags),
-            *(_upload(device, np.asarray(numbers, dtype=real)) for numbers in (parameters, x, y)),
+            *(_upload(device, numbers.astype(real)) for numbers in (_numbers(parameters), x, y)),
             brightness,
             width,
             height,
         )
         cl.enqueue_copy(device.queue, result, brightness)
     return result
+
+
+def _numbers(parameters: Sequence[float]) -> NDArray[np.float64]:
+    """One image's part of the buffer of parameters."""
+    return np.pad(np.asarray(parameters, dtype=np.float64), (0, _PARAMETERS - len(parameters)))
 
 
 def _group_size(kernel: cl.Kernel, device: Device) -> int:

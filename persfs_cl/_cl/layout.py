@@ -38,7 +38,9 @@ class Layout:
     def padded(cls, shape: tuple[int, int], padding: int) -> Layout:
         """Rows and columns in their order, with `padding` of them on every side."""
         height, width = shape
-        return cls(height, width, height + 2 * padding, width + 2 * padding, padding, padding)
+        # Rows of whole vectors, so that the stored size is one too.
+        stride = -(-(width + 2 * padding) // 8) * 8
+        return cls(height, width, height + 2 * padding, stride, padding, padding)
 
     @classmethod
     def columns_apart(cls, shape: tuple[int, int], lanes: int) -> Layout:
