@@ -41,6 +41,7 @@ def sweeper(
     ordering: str,
     *,
     linear: bool = False,
+    tolerance: float = 0.0,
     tuning: Tuning | None = None,
 ) -> Sweeper:
     """The problem on a device."""
@@ -52,6 +53,7 @@ def sweeper(
         ordering=ordering,
         precision=precision,
         linear=linear,
+        tolerance=tolerance,
         tuning=tuning,
     )
 

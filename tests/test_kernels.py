@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pyopencl as cl
 import pytest
 from problems import random_problem, reference, sweeper
 
-from persfs_cl import Device, ParallelLight
-from persfs_cl._cl.launches import DIRECTIONS
+from persfs_cl import Device, DeviceError, ParallelLight
+from persfs_cl._cl.launches import DIRECTIONS, Sweeper, Tuning
+from persfs_cl.problem import Problem
 from persfs_cl.reference import hamiltonian
 
 SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
@@ -96,6 +98,96 @@ def test_wavefront_gives_the_bits_of_lexicographic(
                 kernel.sweep(number % 4)
                 kernel.renew_boundary()
             np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
+
+
+WAVEFRONTS = [Tuning("wavefront_tiles")] + [
+    Tuning("wavefront_strips", lanes=8, bands=bands, work_groups=groups)
+    for bands in (1, 2, 4)
+    for groups in (1, 2, 3, 4)
+]
+
+
+@pytest.mark.parametrize("tuning", WAVEFRONTS, ids=lambda t: f"{t.variant}-{t.bands}x8-{t.work_groups}groups")
+def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
+    """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
+    random = np.random.default_rng(len(tuning.variant) + tuning.bands + 10 * tuning.work_groups)
+    for seed in range(4):
+        height, width = random.integers(1, 140, 2)
+        surface = ("away", "toward")[seed % 2]
+        problem = random_problem(
+            seed, (int(height), int(width) + 1), surface=surface, boundary="wall", holes=0.02 * seed
+        )
+        one = sweeper(problem, device, precision, "lexicographic")
+        expected_changes = one.run(3)
+        for _ in range(3):
+            other = sweeper(problem, device, precision, "wavefront", tuning=tuning)
+            np.testing.assert_array_equal(other.run(3), expected_changes)
+            np.testing.assert_array_equal(other.log_depth(), one.log_depth())
+
+
+def test_checkerboard_is_the_same_by_cells_and_by_vectors(device: Device, precision: str) -> None:
+    for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130)]):
+        problem = random_problem(seed, shape, light=OBLIQUE, boundary=("outflow", "wall")[seed % 2])
+        results = []
+        for lanes in (1, 8):
+            kernel = sweeper(problem, device, precision, "checkerboard", tuning=Tuning("checkerboard", lanes=lanes))
+            kernel.run(4)
+            results.append(kernel.log_depth())
+        np.testing.assert_array_equal(results[0], results[1])
+
+
+@pytest.mark.parametrize("tuning", [*WAVEFRONTS[:8:3], *OTHERS], ids=str)
+def test_images_that_share_launches_do_not_touch_each_other(device: Device, precision: str, tuning: Tuning) -> None:
+    """Each has its own mask, boundary, known values, start and end."""
+    problems = [random_problem(seed, (45, 38), boundary="outflow", holes=0.03 * seed) for seed in range(5)]
+    ordering = tuning.variant.split("_")[0]
+
+    def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
+        shared = Sweeper(
+            device,
+            [problem.numbers for problem in members],
+            model="parallel_light",
+            scheme="lax_friedrichs",
+            ordering=ordering,
+            precision=precision,
+            tolerance=1e-3,
+            tuning=tuning,
+        )
+        changes = np.concatenate([shared.run(count) for count in (1, 7, 60, 60, 60, 60)])
+        return changes, shared.log_depth()
+
+    changes, values = run(problems)
+    ends = set()
+    for number, problem in enumerate(problems):
+        alone_changes, alone = run([problem])
+        np.testing.assert_array_equal(changes[:, number], alone_changes[:, 0])
+        np.testing.assert_array_equal(values[number], alone[0])
+        ends.add(int(np.argmax(changes[:, number] <= 1e-3)))
+    assert len(ends) > 1, "the images must end at different times"
+
+
+def test_an_image_rests_from_the_iteration_that_met_the_tolerance(device: Device, precision: str) -> None:
+    problem = random_problem(1, (30, 30))
+    stepwise, queued = (sweeper(problem, device, precision, "wavefront", tolerance=0.01) for _ in range(2))
+    changes: list[float] = []
+    while not changes or changes[-1] > 0.01:
+        changes.append(float(stepwise.run(1)[0, 0]))
+    expected = stepwise.log_depth()
+    record = queued.run(len(changes) + 20)[:, 0]
+    np.testing.assert_array_equal(record[: len(changes)], changes)
+    assert (record[len(changes) :] == 0).all()
+    np.testing.assert_array_equal(queued.log_depth(), expected)
+    stepwise.run(5)
+    np.testing.assert_array_equal(stepwise.log_depth(), expected)
+
+
+def test_a_failed_wait_is_an_error(device: Device) -> None:
+    strips = Tuning("wavefront_strips", lanes=8, bands=1, work_groups=2)
+    kernel = sweeper(random_problem(1, (40, 40)), device, "float32", "wavefront", tuning=strips)
+    kernel._sync[1] = 1
+    cl.enqueue_copy(device.queue, kernel._sync_buffer, kernel._sync)
+    with pytest.raises(DeviceError, match="waited for another in vain"):
+        kernel.run(1)
 
 
 @pytest.mark.parametrize("ordering", ["lexicographic", "wavefront", "checkerboard"])
