@@ -100,11 +100,9 @@ def test_wavefront_gives_the_bits_of_lexicographic(
             np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
 
 
-WAVEFRONTS = [Tuning("wavefront_tiles")] + [
-    Tuning("wavefront_strips", lanes=8, bands=bands, work_groups=groups)
-    for bands in (1, 2, 4)
-    for groups in (1, 2, 3, 4)
-]
+STRIPS = [Tuning("wavefront_strips", 8, bands, work_groups) for bands in (1, 2, 4) for work_groups in (1, 2, 3, 4)]
+WAVEFRONTS = [Tuning("wavefront_tiles"), *STRIPS]
+OTHERS = [Tuning("checkerboard", lanes=8), Tuning("lexicographic")]
 
 
 @pytest.mark.parametrize("tuning", WAVEFRONTS, ids=lambda t: f"{t.variant}-{t.bands}x8-{t.work_groups}groups")
