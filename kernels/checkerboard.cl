@@ -4,7 +4,8 @@
  * stored apart, the even ones before the odd ones, so that the cells of one colour of a row lie side by side: half the
  * memory traffic, and whole vectors. Left and right neighbours are in the other half of the row.
  *
- * One work-item updates LANES cells: global size (half stride / LANES, rows - 2, images). In place.
+ * One work-item takes vectors of LANES cells of a row: global size (items, rows - 2, images), with one
+ * item on a CPU and one for each vector on a GPU. In place.
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
@@ -25,29 +26,33 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const int row = 1 + (int)get_global_id(1);
     const int half_stride = stride / 2;
     const int odd = (row + colour) & 1; /* these cells stand in the odd columns of their row */
-    const int first = LANES * (int)get_global_id(0);
-    const long cell = ((long)image * rows + row) * stride + odd * half_stride + first;
-    const long left = odd ? cell - half_stride : cell + half_stride - 1;
-
-    const number shading = LOAD(brightness + cell);
-    const number here = LOAD(log_depth + cell);
-    const number before = LOAD(log_depth + left), after = LOAD(log_depth + left + 1);
-    const number up = LOAD(log_depth + cell - stride), down = LOAD(log_depth + cell + stride);
-
+    const long line = ((long)image * rows + row) * stride;
+    const int to_left = odd ? -half_stride : half_stride - 1;
+    __global real *cells = log_depth + line + odd * half_stride;
+    __global const real *shadings = brightness + line + odd * half_stride;
+    __global const real *columns = column_table + image * 3 * stride + odd * half_stride;
+    __global const real *row_numbers = row_table + image * 3 * rows + row;
+    const axis y = {(number)row_numbers[0], (number)row_numbers[rows], (number)row_numbers[2 * rows]};
     real numbers[PARAMETERS];
     copy_parameters(numbers, parameters, image);
-    __global const real *columns = column_table + image * 3 * stride + odd * half_stride + first;
-    __global const real *line = row_table + image * 3 * rows + row;
-    const axis x = {LOAD(columns), LOAD(columns + stride), LOAD(columns + 2 * stride)};
-    const axis y = {(number)line[0], (number)line[rows], (number)line[2 * rows]};
+    const real to_p = numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DX];
+    const real to_q = numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DY];
 
-    number value = inner_value(shading, before, after, up, down, numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DX],
-                               numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DY], x, y, numbers);
-    const integer on_rim = as_integer(shading) < 0;
-    if (any_sign(as_integer(shading))) {
-        const number rim =
-            rim_value(magnitude(shading), LOAD_FLAGS(flags + cell), here, before, after, up, down, x, y, numbers);
-        value = on_rim ? rim : value;
+    const int step = LANES * (int)get_global_size(0);
+    for (int first = LANES * (int)get_global_id(0); first < half_stride; first += step) {
+        __global real *cell = cells + first;
+        const number shading = LOAD(shadings + first);
+        const number here = LOAD(cell);
+        const number left = LOAD(cell + to_left), right = LOAD(cell + to_left + 1);
+        const number up = LOAD(cell - stride), down = LOAD(cell + stride);
+        const axis x = {LOAD(columns + first), LOAD(columns + first + stride), LOAD(columns + first + 2 * stride)};
+
+        number value = inner_value(shading, left, right, up, down, to_p, to_q, x, y, numbers);
+        if (any_sign(as_integer(shading))) {
+            const integer missing = LOAD_FLAGS(flags + line + odd * half_stride + first);
+            const number rim = rim_value(magnitude(shading), missing, here, left, right, up, down, x, y, numbers);
+            value = as_integer(shading) < 0 ? rim : value;
+        }
+        STORE(cell, value < here ? value : here);
     }
-    STORE(log_depth + cell, value < here ? value : here);
 }

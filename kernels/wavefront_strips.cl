@@ -1,17 +1,4 @@
-/* One sweep by anti-diagonals, bit for bit the lexicographic one, in one launch: vectors skewed over rows.
- *
- * The grid is cut into strips of STRIP_ROWS = 8 BANDS rows. One work-item runs along a strip; in step t the lane of row r
- * updates column t - r, so that all lanes stand on one anti-diagonal and none reads another's new value of this step:
- *
- *            column  0 1 2 3 4 5 6 7          left of a lane:  its own result of the step before
- *      row 0         0 1 2 3 4 5 6 7          up:              the result of the step before, one lane further up
- *      row 1           1 2 3 4 5 6 7          right:           the old value, which is `here` of the next step
- *      row 2             2 3 4 5 6 7   step   down:            the old value `right` of the lane below
- *
- * Left and up never leave the registers. A band is one vector of 8 rows; several bands a strip hide the latency of the
- * square root. Eight steps make a block: eight unaligned loads, one a row and each a column further back, transposed in
- * registers, give the lanes of eight steps, and the results go back the same way. So the arrays stay row-major and in
- * place, for all four directions.
+/* One sweep by anti-diagonals, bit for bit the lexicographic one, in one launch: strips that follow each other closely.
  *
  *      strip 0   ####====....      A strip may run as long as the one before it is STRIP_ROWS - 1 columns ahead. Strips
  *      strip 1   ##==........      are claimed by an atomic ticket, in order, so that the one waited for is always running
@@ -22,195 +9,9 @@
  * image, second strip of each, and so on. `sync` counts over the whole run and is never reset: the ticket, the number of
  * failures, then the finished blocks of each strip.
  */
-#define STRIP_ROWS (8 * BANDS)
 #define TICKET 0
 #define FAILURES 1
 #define FIRST_PROGRESS 2
-#define PATIENCE 200000000
-
-/* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
-static inline __attribute__((always_inline)) void transpose(number *vectors)
-{
-    number pairs[8], fours[8];
-    __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 8; i += 2) {
-        const number a = vectors[i], b = vectors[i + 1];
-        pairs[i] = (number)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
-        pairs[i + 1] = (number)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
-    }
-    __attribute__((opencl_unroll_hint(2))) for (int i = 0; i < 8; i += 4) {
-        const number a = pairs[i], b = pairs[i + 1], c = pairs[i + 2], d = pairs[i + 3];
-        fours[i] = (number)(a.s01, c.s01, a.s45, c.s45);
-        fours[i + 1] = (number)(a.s23, c.s23, a.s67, c.s67);
-        fours[i + 2] = (number)(b.s01, d.s01, b.s45, d.s45);
-        fours[i + 3] = (number)(b.s23, d.s23, b.s67, d.s67);
-    }
-    __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 4; ++i) {
-        vectors[i] = (number)(fours[i].s0123, fours[i + 4].s0123);
-        vectors[i + 4] = (number)(fours[i].s4567, fours[i + 4].s4567);
-    }
-}
-
-/* Eight values `apart` from each other; rim and row tables only, the hot arrays are loaded in blocks. */
-static inline number gather(__global const real *from, const long apart)
-{
-    return (number)(from[0], from[apart], from[2 * apart], from[3 * apart], from[4 * apart], from[5 * apart],
-                    from[6 * apart], from[7 * apart]);
-}
-
-static inline integer gather_flags(__global const uchar *from, const long apart)
-{
-    return (integer)(from[0], from[apart], from[2 * apart], from[3 * apart], from[4 * apart], from[5 * apart],
-                     from[6 * apart], from[7 * apart]);
-}
-
-static inline axis gather_axis(__global const real *table, const int length, const long index, const long apart)
-{
-    const axis result = {gather(table + index, apart), gather(table + length + index, apart),
-                         gather(table + 2 * length + index, apart)};
-    return result;
-}
-
-/* What a strip carries from step to step. */
-typedef struct {
-    number here[BANDS];   /* old values of the lanes              */
-    number result[BANDS]; /* new values of the step before        */
-    axis y[BANDS];        /* of the rows                          */
-} lanes;
-
-/* What stays the same along a strip. */
-typedef struct {
-    long column_step; /* 1 or -1                                              */
-    long skew;        /* from a lane to the one below it, on the same step    */
-    int leftwards, upwards;
-    int stride;
-    real to_p, to_q;  /* see cell.cl                                          */
-} course;
-
-/* One step of a strip: all its lanes. `with_rim` is a constant in each call. */
-static inline __attribute__((always_inline)) void
-run_step(lanes *state, number right[BANDS][8], number shading[BANDS][8], const int k, const real above,
-         const real below, __global const real *table, __global const uchar *flags, const course *way,
-         const real *parameters, const int with_rim)
-{
-    /* From the last band upwards, so that each finds the old result of the band above it. */
-    __attribute__((opencl_unroll_hint(BANDS))) for (int band = BANDS - 1; band >= 0; --band) {
-        const number e = shading[band][k], next = right[band][k], last = state->result[band];
-        const number here = state->here[band];
-        number up = last.s00123456, down = next.s12345677;
-        up.s0 = band == 0 ? above : state->result[band - 1].s7;
-        down.s7 = band == BANDS - 1 ? below : right[band + 1][k].s0;
-        __global const real *at = table + band * 8;
-        const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
-        number value = inner_value(e, last, next, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
-        if (with_rim && any_sign(as_integer(e))) {
-            const integer missing = gather_flags(flags + band * 8 * way->skew, way->skew);
-            const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? next : last,
-                                         way->leftwards ? last : next, way->upwards ? down : up,
-                                         way->upwards ? up : down, x, state->y[band], parameters);
-            value = as_integer(e) < 0 ? rim : value;
-        }
-        const number result = value < here ? value : here;
-        state->result[band] = result;
-        state->here[band] = next;
-        shading[band][k] = result;
-    }
-}
-
-/* `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. */
-static inline __attribute__((always_inline)) int
-run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
-          const real *parameters, __global const real *column_table, __global const real *row_table,
-          __global volatile int *sync, __global volatile int *progress, const int rows, const int stride,
-          const int first_row, const int first_column, const int height, const int width, const int leftwards,
-          const int upwards, const int strip, const int done_before)
-{
-    const int blocks = (width + STRIP_ROWS - 1 + 7) / 8;
-    const long column_step = leftwards ? -1 : 1;
-    const long row_step = upwards ? -(long)stride : (long)stride;
-    const long skew = row_step - column_step;
-    const long row = first_row + (upwards ? height - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
-    const long column = first_column + (leftwards ? width - 1 : 0);
-    /* Where the first of eight steps lies in memory, seen from the cell of the step that comes first in time. */
-    const long low = leftwards ? -7 : 0;
-    /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
-    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
-    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
-    const course way = {column_step, skew, leftwards, upwards, stride, leftwards ? -to_p : to_p, upwards ? -to_q : to_q};
-
-    long cell = row * stride + column; /* of lane 0 */
-    /* Lanes run against the columns: rightwards through the reversed half of the table. */
-    __global const real *table = column_table + (leftwards ? column : 3 * stride + stride - 1 - column);
-
-    lanes state;
-    for (int band = 0; band < BANDS; ++band) {
-        const long first = cell + band * 8 * skew;
-        state.y[band] = gather_axis(row_table, rows, row + (upwards ? -8 * band : 8 * band), upwards ? -1 : 1);
-        state.here[band] = gather(log_depth + first, skew);
-        state.result[band] = gather(log_depth + first - column_step, skew);
-    }
-
-    int ahead = strip > 0 ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
-    for (int block = 0; block < blocks; ++block) {
-        const int needed = done_before + min(block + STRIP_ROWS / 8 + 1, blocks);
-        for (int polls = 0; ahead < needed; ++polls) {
-            ahead = atomic_add(progress - 1, 0);
-            if (ahead < needed && (polls > PATIENCE || atomic_add(sync + FAILURES, 0) != 0)) {
-                atomic_inc(sync + FAILURES);
-                return 0;
-            }
-        }
-        number right[BANDS][8], shading[BANDS][8];
-        integer signs = 0;
-        __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
-            __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r) {
-                const long at = cell + (band * 8 + r) * skew + low;
-                right[band][r] = LOAD(log_depth + at + column_step);
-                shading[band][r] = LOAD(brightness + at);
-                signs |= as_integer(shading[band][r]);
-            }
-            transpose(right[band]);
-            transpose(shading[band]);
-        }
-        union {
-            number all;
-            real step[8];
-        } above, below;
-        above.all = LOAD(log_depth + cell - row_step + low);
-        below.all = LOAD(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
-        if (any_sign(signs)) {
-            /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
-            number right_copy[BANDS][8], shading_copy[BANDS][8];
-            __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
-                __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k) {
-                    right_copy[band][k] = right[band][k];
-                    shading_copy[band][k] = shading[band][k];
-                }
-            __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < 8; ++step) {
-                const int k = leftwards ? 7 - step : step;
-                run_step(&state, right_copy, shading_copy, k, above.step[k], below.step[k], table - step,
-                         flags + cell + step * column_step, &way, parameters, 1);
-            }
-            __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
-                __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k)
-                    shading[band][k] = shading_copy[band][k];
-        } else {
-            __attribute__((opencl_unroll_hint(8))) for (int step = 0; step < 8; ++step) {
-                const int k = leftwards ? 7 - step : step;
-                run_step(&state, right, shading, k, above.step[k], below.step[k], table - step, flags, &way,
-                         parameters, 0);
-            }
-        }
-        __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
-            transpose(shading[band]);
-            __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r)
-                STORE(log_depth + cell + (band * 8 + r) * skew + low, shading[band][r]);
-        }
-        cell += 8 * column_step;
-        table -= 8;
-        atomic_xchg(progress, done_before + block + 1);
-    }
-    return 1;
-}
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), padded by STRIP_ROWS + 8 all round */
@@ -254,10 +55,10 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
         __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
         const int done_before = sweeps_before * blocks;
         const int good =
-            leftwards ? run_strip(z, e, flags + begin, numbers, x, y, sync, progress, rows, stride, first_row,
-                                  first_column, height, width, 1, upwards, strip, done_before)
-                      : run_strip(z, e, flags + begin, numbers, x, y, sync, progress, rows, stride, first_row,
-                                  first_column, height, width, 0, upwards, strip, done_before);
+            leftwards ? run_strip(z, e, flags + begin, numbers, x, y, sync + FAILURES, progress, rows, stride, first_row,
+                                  first_column, height, width, 1, upwards, strip, done_before, 0)
+                      : run_strip(z, e, flags + begin, numbers, x, y, sync + FAILURES, progress, rows, stride, first_row,
+                                  first_column, height, width, 0, upwards, strip, done_before, 0);
         if (!good)
             return;
     }

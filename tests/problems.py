@@ -44,7 +44,10 @@ def sweeper(
     tolerance: float = 0.0,
     tuning: Tuning | None = None,
 ) -> Sweeper:
-    """The problem on a device."""
+    """The problem on a device, in a variant that can be stepped sweep by sweep."""
+    if ordering == "wavefront" and tuning is None:
+        on_cpu = device.kind == "cpu"
+        tuning = Tuning("wavefront_strips", 8, 2, device.compute_units) if on_cpu else Tuning("wavefront_tiles")
     return Sweeper(
         device,
         [problem.numbers],

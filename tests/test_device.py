@@ -111,16 +111,16 @@ def test_contexts_and_programs_are_made_once() -> None:
     device = select_device()
     assert select_device() is device
     assert device.context is device.context
-    names = ["boundary", "change"]
+    names = ["boundary", "renew"]
     assert program(device, names, "float32") is program(device, names, "float32")
 
 
 def test_a_kernel_that_does_not_compile_names_its_file_and_line(monkeypatch: pytest.MonkeyPatch) -> None:
     device = select_device()
     source = "\n\n__kernel void broken(__global float *a) { a[0] = nonsense; }\n"
-    monkeypatch.setattr("persfs_cl._cl.program.kernel_source", lambda name: source if name == "change" else "\n")
-    with pytest.raises(ps.KernelBuildError, match=r"change\.cl:3"):
-        program(device, ["boundary", "change"], "float32", {"ONLY_HERE": 1})
+    monkeypatch.setattr("persfs_cl._cl.program.kernel_source", lambda name: source if name == "renew" else "\n")
+    with pytest.raises(ps.KernelBuildError, match=r"renew\.cl:3"):
+        program(device, ["boundary", "renew"], "float32", {"ONLY_HERE": 1})
 
 
 def test_a_missing_kernel_file_says_to_reinstall() -> None:
@@ -133,11 +133,12 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         ("lexicographic", 1),
         ("wavefront_tiles", 1),
         ("wavefront_strips", 8),
+        ("wavefront_images", 8),
         ("checkerboard", 1),
         ("checkerboard", 8),
     ):
         tuning = Tuning(variant, lanes=lanes)
-        program(device, ["parallel_light", "lax_friedrichs", "cell", variant], precision, tuning.definitions)
+        program(device, ["parallel_light", "lax_friedrichs", *tuning.kernels], precision, tuning.definitions)
     program(device, ["parallel_light", "render"], precision)
 
 

@@ -103,9 +103,12 @@ def test_wavefront_gives_the_bits_of_lexicographic(
 STRIPS = [Tuning("wavefront_strips", 8, bands, work_groups) for bands in (1, 2, 4) for work_groups in (1, 2, 3, 4)]
 WAVEFRONTS = [Tuning("wavefront_tiles"), *STRIPS]
 OTHERS = [Tuning("checkerboard", lanes=8), Tuning("lexicographic")]
+IMAGES = [Tuning("wavefront_images", 8, bands, work_groups) for bands in (1, 2, 4) for work_groups in (1, 3)]
 
 
-@pytest.mark.parametrize("tuning", WAVEFRONTS, ids=lambda t: f"{t.variant}-{t.bands}x8-{t.work_groups}groups")
+@pytest.mark.parametrize(
+    "tuning", [*WAVEFRONTS, *IMAGES], ids=lambda t: f"{t.variant}-{t.bands}x8-{t.work_groups}groups"
+)
 def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
     """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
     random = np.random.default_rng(len(tuning.variant) + tuning.bands + 10 * tuning.work_groups)
@@ -134,7 +137,7 @@ def test_checkerboard_is_the_same_by_cells_and_by_vectors(device: Device, precis
         np.testing.assert_array_equal(results[0], results[1])
 
 
-@pytest.mark.parametrize("tuning", [*WAVEFRONTS[:8:3], *OTHERS], ids=str)
+@pytest.mark.parametrize("tuning", [*WAVEFRONTS[:8:3], *IMAGES[2:4], *OTHERS], ids=str)
 def test_images_that_share_launches_do_not_touch_each_other(device: Device, precision: str, tuning: Tuning) -> None:
     """Each has its own mask, boundary, known values, start and end."""
     problems = [random_problem(seed, (45, 38), boundary="outflow", holes=0.03 * seed) for seed in range(5)]

@@ -21,6 +21,12 @@ DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 _SWEPT = 1
 _MISSING = 2 | 4 | 8 | 16
 _PARAMETERS = 16
+_CPU_LANES = 8
+_BANDS = 4
+_CACHED_PIXELS = 2**20
+"""An image of this size, with its brightness, stays in a processor's second-level cache, or nearly."""
+_SMALL_PIXELS = 2**16
+"""Up to this size launches cost more than what a second processor saves."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +62,10 @@ class Grid:
     @property
     def marked_brightness(self) -> NDArray[np.floating]:
         """E as the kernels read it: NaN where not swept, with its sign set where a neighbour is missing."""
-        marked = np.where(self.flags & _SWEPT, self.brightness, np.nan)
-        on_rim = (self.flags & _MISSING) != 0
+        swept = (self.flags & _SWEPT) != 0
+        marked = np.where(swept, self.brightness, np.nan)
+        # Not so the others: a NaN with its sign set would send its whole block the slow way.
+        on_rim = swept & ((self.flags & _MISSING) != 0)
         marked[on_rim] = -marked[on_rim]
         return marked
 
@@ -83,7 +91,7 @@ class Tuning:
     bands : int
         Vectors a strip of the wavefront is high.
     work_groups : int
-        How many run along strips at a time.
+        How many run along strips, or over images, at a time.
     """
 
     variant: str
@@ -92,32 +100,48 @@ class Tuning:
     work_groups: int = 1
 
     @classmethod
-    def of(cls, device: Device, ordering: str, height: int) -> Tuning:
-        """What suits a device.
+    def of(cls, device: Device, ordering: str, shape: tuple[int, int], images: int) -> Tuning:
+        """What suits a device, and a number of images of one size.
 
         Strips want few work-groups with wide vectors, and groups that may wait for each other: a CPU runs a group to
         its end without interruption by others. Elsewhere the wavefront goes tile by tile, without waiting.
         """
         on_cpu = device.kind == "cpu"
-        lanes = 8 if on_cpu else 1
         if ordering == "checkerboard":
-            return cls("checkerboard", lanes=lanes)
-        if ordering == "wavefront" and on_cpu:
-            bands = 4 if height > 256 else 2
-            return cls("wavefront_strips", lanes=lanes, bands=bands, work_groups=device.compute_units)
-        return cls("wavefront_tiles" if ordering == "wavefront" else "lexicographic")
+            return cls("checkerboard", lanes=_CPU_LANES if on_cpu else 1)
+        if ordering == "lexicographic":
+            return cls("lexicographic")
+        if not on_cpu:
+            return cls("wavefront_tiles")
+        pixels = shape[0] * shape[1]
+        enough_for_all = images >= device.compute_units and pixels <= _CACHED_PIXELS
+        if enough_for_all or pixels <= _SMALL_PIXELS:
+            return cls("wavefront_images", _CPU_LANES, _BANDS, min(images, device.compute_units))
+        return cls("wavefront_strips", _CPU_LANES, _BANDS, device.compute_units)
 
     @property
     def definitions(self) -> dict[str, int]:
         """Constants of the program."""
-        sizes = {"wavefront_tiles": {"TILE_ROWS": 32, "TILE_COLUMNS": 64}, "wavefront_strips": {"BANDS": self.bands}}
-        return {"LANES": self.lanes, **sizes.get(self.variant, {})}
+        sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
+        return {"LANES": self.lanes, **sizes, **({"BANDS": self.bands} if self.in_strips else {})}
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Kernel files after those of model and scheme."""
+        if self.variant == "wavefront_images":
+            return ("cell", "strip", "boundary", "change", "wavefront_images")
+        return ("cell", "strip", "wavefront_strips") if self.variant == "wavefront_strips" else ("cell", self.variant)
+
+    @property
+    def in_strips(self) -> bool:
+        """Whether vectors run along strips."""
+        return self.variant in ("wavefront_strips", "wavefront_images")
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """How an image must lie for this variant."""
         if self.variant == "checkerboard":
             return Layout.columns_apart(shape, self.lanes)
-        return Layout.padded(shape, 8 * self.bands + 8 if self.variant == "wavefront_strips" else 1)
+        return Layout.padded(shape, 8 * self.bands + 8 if self.in_strips else 1)
 
 
 class Sweeper:
@@ -164,7 +188,7 @@ class Sweeper:
         self._real = device.real(precision)
         self.count = len(grids)
         height, width = grids[0].log_depth.shape
-        self.tuning = tuning or Tuning.of(device, ordering, height)
+        self.tuning = tuning or Tuning.of(device, ordering, (height, width), self.count)
         self._layout = layout = self.tuning.layout((height, width))
         # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
         self._tolerance = np.float32(tolerance)
@@ -175,44 +199,57 @@ class Sweeper:
         self._rested = np.zeros(self.count, bool)
         self.kernel_seconds = 0.0
 
-        sweeping = program(device, [model, scheme, "cell", self.tuning.variant], precision, self.tuning.definitions)
-        boundary = program(device, ["boundary"], precision)
-        measure = program(device, ["change"], precision, {"LANES": 8 if device.kind == "cpu" else 1})
-
+        sweeping = program(device, [model, scheme, *self.tuning.kernels], precision, self.tuning.definitions)
         stored = self._stack([layout.store(grid.log_depth, 0.0, self._real) for grid in grids])
         self._log_depth = self._upload(stored)
         self._previous = self._upload(stored)
-        strips = self.tuning.variant == "wavefront_strips"
+        del stored
         numbers = self._stack([_numbers(grid.parameters) for grid in grids])
+        reversed_too = self.tuning.in_strips
+        columns = self._stack([layout.column_table(grid.x_axis, reversed_too=reversed_too) for grid in grids])
+        rows = self._stack([layout.row_table(grid.y_axis) for grid in grids])
         self._parameters = self._upload(numbers.astype(self._real))
         self._changes = self._buffer(4 * self.count)
-        self._sweep = cl.Kernel(sweeping, "sweep")
-        self._sweep_buffers = (
+        self._buffers = (
             self._log_depth,
             self._upload(self._stack([layout.store(grid.marked_brightness, np.nan, self._real) for grid in grids])),
             self._upload(self._stack([layout.store(grid.flags, 0, np.dtype(np.uint8)) for grid in grids])),
             self._parameters,
-            self._upload(
-                self._stack([layout.column_table(grid.x_axis, reversed_too=strips) for grid in grids]).astype(
-                    self._real
-                )
-            ),
-            self._upload(self._stack([layout.row_table(grid.y_axis) for grid in grids]).astype(self._real)),
+            self._upload(columns.astype(self._real)),
+            self._upload(rows.astype(self._real)),
         )
-        integers = {"lexicographic": 8, "wavefront_tiles": 10, "checkerboard": 3, "wavefront_strips": 8}
-        scalars: list[Any] = [None] * 7 + [np.int32, np.float32] + [np.int32] * integers[self.tuning.variant]
-        if strips:
-            strip_count = -(-height // (8 * self.tuning.bands))
-            self._sync = np.zeros(2 + self.count * strip_count, np.int32)
-            self._sync_buffer = self._upload(self._sync)
-            scalars += [None, np.int32, np.int32]
-        self._sweep.set_scalar_arg_dtypes(scalars)
-        self._prepare_boundary(boundary, grids, linear, lowest)
+        self._list_boundary(grids)
+        self._linear, self._lowest = int(linear), lowest
 
-        self._change = cl.Kernel(measure, "change")
-        self._change.set_scalar_arg_dtypes([None] * 3 + [np.int32, np.float32, np.int32])
-        per_unit = 1 if device.kind == "cpu" else 1024
-        self._change_items = max(1, min(per_unit * device.compute_units, layout.size // 1024))
+        integer, single = np.int32, np.float32
+        begin: list[Any] = [None] * 7 + [integer, single]
+        if self.tuning.variant == "wavefront_images":
+            self._sync = np.zeros(1, np.int32)
+            self._sync_buffer = self._upload(self._sync)
+            self._iterate = cl.Kernel(sweeping, "iterate")
+            self._iterate.set_scalar_arg_dtypes(
+                [*begin, *[integer] * 7, None, integer, integer, *[None] * 6, integer, single]
+            )
+            return
+        self._sweep = cl.Kernel(sweeping, "sweep")
+        integers = {"lexicographic": 8, "wavefront_tiles": 10, "checkerboard": 3, "wavefront_strips": 8}
+        scalars = begin + [integer] * integers[self.tuning.variant]
+        if self.tuning.variant == "wavefront_strips":
+            strips = -(-height // (8 * self.tuning.bands))
+            self._sync = np.zeros(2 + self.count * strips, np.int32)
+            self._sync_buffer = self._upload(self._sync)
+            scalars += [None, integer, integer]
+        self._sweep.set_scalar_arg_dtypes(scalars)
+
+        self._renew = cl.Kernel(program(device, ["boundary", "renew"], precision), "renew_boundary")
+        self._renew.set_scalar_arg_dtypes([None] * 8 + [integer, single, integer, integer, single])
+        self._renew_items = min(256, _group_size(self._renew, device))
+
+        on_cpu = device.kind == "cpu"
+        lanes = {"LANES": _CPU_LANES if on_cpu else 1}
+        self._measure = cl.Kernel(program(device, ["change", "measure"], precision, lanes), "measure")
+        self._measure.set_scalar_arg_dtypes([None] * 3 + [integer, single, integer])
+        self._measure_items = max(1, min((1 if on_cpu else 1024) * device.compute_units, layout.size // 1024))
 
     def run(self, iterations: int) -> NDArray[np.float64]:
         """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
@@ -234,13 +271,16 @@ class Sweeper:
         """
         with self._device.lock:
             self._begin(iterations)
-            first: Any = None
-            for _ in range(iterations):
-                for number in range(4):
-                    event = self.sweep(number)
-                    first = first or event
-                    self.renew_boundary()
-                last = self._measure()
+            if self.tuning.variant == "wavefront_images":
+                first = last = self._iterate_images(iterations)
+            else:
+                first = None
+                for _ in range(iterations):
+                    for number in range(4):
+                        event = self.sweep(number)
+                        first = first or event
+                        self.renew_boundary()
+                    last = self.measure()
             changes = self._changes_host
             cl.enqueue_copy(self._device.queue, changes, self._changes)
             self._check_waits()
@@ -251,7 +291,7 @@ class Sweeper:
         return rows.astype(np.float64)
 
     def sweep(self, number: int) -> Any:
-        """Queue one sweep of all images.
+        """Queue one sweep of all images; not for the variant "wavefront_images", which runs whole iterations.
 
         Parameters
         ----------
@@ -261,10 +301,11 @@ class Sweeper:
         if not self._row:
             self._begin(1)
         layout, tuning, queue = self._layout, self.tuning, self._device.queue
-        common = (*self._sweep_buffers, self._changes, self._row, self._tolerance, layout.rows, layout.stride)
+        common = (*self._buffers, self._changes, self._row, self._tolerance, layout.rows, layout.stride)
         image = (layout.first_row, layout.first_column, layout.height, layout.width)
         if tuning.variant == "checkerboard":
-            size = (layout.stride // 2 // tuning.lanes, layout.rows - 2, self.count)
+            items = 1 if tuning.lanes > 1 else layout.stride // 2
+            size = (items, layout.rows - 2, self.count)
             stored_parity = layout.first_row + layout.first_column
             event = self._sweep(queue, size, None, *common, (stored_parity + number) % 2)
             self._sweep(queue, size, None, *common, (stored_parity + number + 1) % 2)
@@ -289,20 +330,38 @@ class Sweeper:
 
     def renew_boundary(self) -> None:
         """Queue the renewal of the boundary cells from inside, eq. (12)."""
-        if self._renew is not None:
-            items = self._renew_items
-            self._renew(
-                self._device.queue,
-                (items, self.count),
-                (items, 1),
-                self._log_depth,
-                self._parameters,
-                *self._renew_buffers,
-                self._changes,
-                self._row,
-                self._tolerance,
-                *self._renew_scalars,
-            )
+        if not self._has_boundary:
+            return
+        self._renew(
+            self._device.queue,
+            (self._renew_items, self.count),
+            (self._renew_items, 1),
+            self._log_depth,
+            self._parameters,
+            *self._boundary,
+            self._changes,
+            self._row,
+            self._tolerance,
+            self._layout.size,
+            self._linear,
+            self._lowest,
+        )
+
+    def measure(self) -> Any:
+        """Queue the search for the largest change since the last one."""
+        event = self._measure(
+            self._device.queue,
+            (self._measure_items, self.count),
+            (1, 1) if self._device.kind == "cpu" else None,
+            self._log_depth,
+            self._previous,
+            self._changes,
+            self._row,
+            self._tolerance,
+            self._layout.size,
+        )
+        self._row += 1
+        return event
 
     def log_depth(self) -> NDArray[np.floating]:
         """A copy of the values as they are now, shape (images, height, width)."""
@@ -321,19 +380,33 @@ class Sweeper:
         self._changes_host = host
         self._row = 1
 
-    def _measure(self) -> Any:
-        event = self._change(
+    def _iterate_images(self, iterations: int) -> Any:
+        layout, groups = self._layout, self.tuning.work_groups
+        event = self._iterate(
             self._device.queue,
-            (self._change_items, self.count),
-            None if self._device.kind == "gpu" else (1, 1),
-            self._log_depth,
-            self._previous,
+            (groups,),
+            (1,),
+            *self._buffers,
             self._changes,
             self._row,
             self._tolerance,
-            self._layout.size,
+            layout.rows,
+            layout.stride,
+            layout.first_row,
+            layout.first_column,
+            layout.height,
+            layout.width,
+            iterations,
+            self._sync_buffer,
+            # Every group draws one ticket too many in each launch.
+            self._sweeps * (self.count + groups),
+            self.count,
+            self._previous,
+            *self._boundary,
+            self._linear,
+            self._lowest,
         )
-        self._row += 1
+        self._sweeps += 1
         return event
 
     def _check_waits(self) -> None:
@@ -346,26 +419,20 @@ class Sweeper:
                 "does not run work-groups side by side: try again, or use ordering='checkerboard'."
             )
 
-    def _prepare_boundary(self, program: cl.Program, grids: Sequence[Grid], linear: bool, lowest: float) -> None:
+    def _list_boundary(self, grids: Sequence[Grid]) -> None:
+        """Upload the lists of boundary cells; see kernels/boundary.cl."""
         counts = np.array([len(grid.cells) for grid in grids])
-        self._renew: cl.Kernel | None = None
-        if not counts.any():
-            return
         edges = np.array([grid.edges for grid in grids])
-        begins = np.cumsum(counts) - counts
-        layout = self._layout
-        self._renew = cl.Kernel(program, "renew_boundary")
-        scalars = [np.int32, np.float32, np.int32, np.int32, np.float32]
-        self._renew.set_scalar_arg_dtypes([None] * 8 + scalars)
-        self._renew_items = min(256, _group_size(self._renew, self._device))
-        self._renew_buffers = (
-            self._upload(np.stack([begins, edges, counts - edges], axis=1).astype(np.int32)),
-            self._upload(np.concatenate([layout.cells(grid.cells) for grid in grids])),
-            self._upload(np.concatenate([layout.cells(grid.inwards) for grid in grids])),
-            self._upload(np.concatenate([layout.cells(grid.beside) for grid in grids])),
-            self._buffer(int(counts.sum()) * self._real.itemsize),
-        )
-        self._renew_scalars = (layout.size, int(linear), lowest)
+        parts = np.stack([np.cumsum(counts) - counts, edges, counts - edges], axis=1).astype(np.int32)
+        self._has_boundary = bool(counts.any())
+
+        def listed(name: str) -> NDArray[np.int32]:
+            cells = np.concatenate([self._layout.cells(getattr(grid, name)) for grid in grids])
+            # OpenCL has no empty buffers; that of a list without cells is never read.
+            return cells if self._has_boundary else np.zeros(4, np.int32)
+
+        lists = [self._upload(cells) for cells in (parts, listed("cells"), listed("inwards"), listed("beside"))]
+        self._boundary = (*lists, self._buffer(max(1, int(counts.sum())) * self._real.itemsize))
 
     @staticmethod
     def _stack(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -1,0 +1,77 @@
+/* Whole iterations of whole images, each by one work-item: for images so small that a launch for each sweep would cost
+ * more than the sweep, or so many that every processor has its own. An image stays in the cache of its processor from
+ * sweep to sweep, and nothing is waited for. The values are bit for bit those of the other variants.
+ *
+ * Work-group size 1; any number of groups, which draw images by an atomic ticket. In place.
+ */
+static inline void run_sweep(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
+                             const real *parameters, __global const real *column_table,
+                             __global const real *row_table, const int rows, const int stride, const int first_row,
+                             const int first_column, const int height, const int width, const int leftwards,
+                             const int upwards)
+{
+    for (int strip = 0; strip * STRIP_ROWS < height; ++strip) {
+        if (leftwards)
+            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, 0, rows, stride, first_row,
+                      first_column, height, width, 1, upwards, strip, 0, 1);
+        else
+            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, 0, rows, stride, first_row,
+                      first_column, height, width, 0, upwards, strip, 0, 1);
+    }
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+iterate(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl              */
+        __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
+        __global const uchar *flags,       /* same shape                                                       */
+        __global const real *parameters,   /* shape (images, PARAMETERS)                                       */
+        __global const real *column_table, /* as in strip.cl, shape (images, 6, stride)                        */
+        __global const real *row_table,    /* shape (images, 3, rows)                                          */
+        __global float *changes,           /* see prelude; the rows of these iterations are written            */
+        const int first_iteration,         /* index into changes                                               */
+        const float tolerance,             /* on max |dZ|                                                      */
+        const int rows,                    /* stored rows, padding included                                    */
+        const int stride,                  /* stored columns, padding included                                 */
+        const int first_row,               /* of the image within its padding                                  */
+        const int first_column,            /* likewise                                                         */
+        const int height,                  /* pixels                                                           */
+        const int width,                   /* pixels                                                           */
+        const int iterations,              /* to be done                                                       */
+        __global volatile int *ticket,     /* shape (1,)                                                       */
+        const int first_ticket,            /* drawn before this launch                                         */
+        const int images,                  /* in this launch                                                   */
+        __global real *previous,           /* Z before an iteration, shape of log_depth                        */
+        __global const int *counts,        /* this and the next four: see boundary.cl                          */
+        __global const int *cells,
+        __global const int4 *inwards,
+        __global const int4 *beside,
+        __global real *renewed,
+        const int linear,                  /* 1: extrapolate, 0: outflow                                       */
+        const float lowest)                /* floor of the linear extrapolation                                */
+{
+    const size_t size = (size_t)rows * (size_t)stride;
+    for (;;) {
+        const int image = atomic_inc(ticket) - first_ticket;
+        if (image >= images)
+            return;
+        const size_t begin = (size_t)image * size;
+        __global real *z = log_depth + begin, *before = previous + begin;
+        real numbers[PARAMETERS];
+        copy_parameters(numbers, parameters, image);
+        for (int k = first_iteration; k < first_iteration + iterations; ++k) {
+            if (finished(changes, k, image, images, tolerance))
+                break;
+            for (int sweep = 0; sweep < 4; ++sweep) {
+                run_sweep(z, brightness + begin, flags + begin, numbers, column_table + image * 6 * stride,
+                          row_table + image * 3 * rows, rows, stride, first_row, first_column, height, width,
+                          sweep & 1, sweep >> 1);
+                for (int pass = 0; pass < 2; ++pass) {
+                    const int2 part = part_of(counts, image, pass);
+                    compute_renewed(z, numbers, inwards, beside, renewed, part.x, part.y, 0, 1, linear, (real)lowest);
+                    apply_renewed(z, cells, renewed, part.x, part.y, 0, 1);
+                }
+            }
+            changes[k * images + image] = largest_change(z, before, 0, size / LANES, 1);
+        }
+    }
+}

@@ -1,0 +1,88 @@
+"""What a device can do at best, and the time that it says it took: the measures behind the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pyopencl as cl
+
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.program import program
+from persfs_cl.errors import DeviceError
+
+_COPY_LANES = {8: 16, 1: 4}
+_CHAINS = 12
+
+
+def device_seconds(device: Device, work: Callable[[], object]) -> float:
+    """Run what `work` queues, wait for its end, and give the seconds that it took by the device's own clock."""
+    with device.lock:
+        begin = cl.enqueue_marker(device.queue)
+        work()
+        end = cl.enqueue_marker(device.queue)
+        device.queue.finish()
+        return float(1e-9 * (end.profile.end - begin.profile.end))
+
+
+def copier(device: Device, size: int) -> Callable[[int], None]:
+    """Function that queues so many copies of an array.
+
+    Parameters
+    ----------
+    device : Device
+    size : int
+        Bytes, a multiple of 64. A copy reads and writes them once each.
+
+    Raises
+    ------
+    DeviceError
+        When the device cannot hold two such arrays.
+    """
+    lanes = _lanes(device)
+    kernel = cl.Kernel(program(device, ["roofline"], "float32", {"LANES": lanes}), "copy")
+    try:
+        arrays = [cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size) for _ in range(2)]
+        for array in arrays:
+            # Memory that was never written to may be one and the same page of zeros.
+            cl.enqueue_fill_buffer(device.queue, array, np.float32(1), 0, size)
+    except cl.MemoryError as error:
+        raise DeviceError(
+            f"{device} cannot hold two arrays of {size / 2**20:.0f} MiB: measure smaller images."
+        ) from error
+    blocks = size // (4 * _COPY_LANES[lanes])
+
+    def copy(count: int) -> None:
+        for _ in range(count):
+            kernel(device.queue, (blocks,), None, *arrays)
+
+    return copy
+
+
+def multiplier(device: Device, precision: str) -> tuple[Callable[[int], None], int]:
+    """Function that queues so many launches of nothing but multiply-adds, and the operations of one launch.
+
+    A multiply-add counts as two operations.
+
+    Raises
+    ------
+    DeviceError
+        When the device lacks the precision.
+    """
+    real = device.real(precision)
+    lanes, on_cpu = _lanes(device), device.kind == "cpu"
+    kernel = cl.Kernel(program(device, ["roofline"], precision, {"LANES": lanes}), "multiply_adds")
+    kernel.set_scalar_arg_dtypes([None, np.int32, real.type, real.type])
+    items = device.compute_units * (4 if on_cpu else 2048)
+    rounds = 4096
+    results = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, items * real.itemsize)
+
+    def multiply(count: int) -> None:
+        for _ in range(count):
+            kernel(device.queue, (items,), (1,) if on_cpu else None, results, rounds, 0.5, 0.5)
+
+    return multiply, 2 * _CHAINS * lanes * items * rounds
+
+
+def _lanes(device: Device) -> int:
+    return 8 if device.kind == "cpu" else 1
