@@ -7,6 +7,8 @@
  * One work-item takes vectors of LANES cells of a row: global size (items, rows - 2, images), with one
  * item on a CPU and one for each vector on a GPU. In place.
  */
+#define GAP (LANES > 4 ? LANES : 4) /* columns at the end of each half that are never written */
+
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
                     __global const uchar *flags,       /* same shape                                          */
@@ -39,7 +41,7 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const real to_q = numbers[SURFACE_SIGN] * numbers[HALF_INVERSE_DY];
 
     const int step = LANES * (int)get_global_size(0);
-    for (int first = LANES * (int)get_global_id(0); first < half_stride; first += step) {
+    for (int first = LANES * (int)get_global_id(0); first < half_stride - GAP; first += step) {
         __global real *cell = cells + first;
         const number shading = LOAD(shadings + first);
         const number here = LOAD(cell);

@@ -151,6 +151,8 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
                 return 0;
             }
         }
+        if (!alone)
+            mem_fence(CLK_GLOBAL_MEM_FENCE);
         number right[BANDS][8], shading[BANDS][8];
         integer signs = 0;
         __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
@@ -199,8 +201,10 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
         }
         cell += 8 * column_step;
         table -= 8;
-        if (!alone)
+        if (!alone) {
+            mem_fence(CLK_GLOBAL_MEM_FENCE); /* the stores above come before the word that they are done */
             atomic_xchg(progress, done_before + block + 1);
+        }
     }
     return 1;
 }

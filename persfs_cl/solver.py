@@ -231,22 +231,24 @@ def reconstruct_batch(
             linear=options.boundary == "extrapolate",
         )
         build_seconds = time.perf_counter() - build_began
-        changes, statuses = _iterate(sweeper, 1 if stopped else max_iterations, tolerance, callback)
+        watch = _stop_at_once if stopped else callback
+        changes, statuses = _iterate(sweeper, max_iterations, tolerance, watch)
         stopped = stopped or Status.STOPPED in statuses
-        results = sweeper.log_depth()
+        results = [problem.depth(values) for problem, values in zip(problems, sweeper.log_depth(), strict=True)]
+        clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
         elapsed = Elapsed(share * (time.perf_counter() - began), share * sweeper.kernel_seconds, share * build_seconds)
-        for number, problem, values, steps, status in zip(members, problems, results, changes, statuses, strict=True):
-            log_depth, depth = problem.depth(values)
+        for place, number in enumerate(members):
+            problem, (log_depth, depth) = problems[place], results[place]
             solutions[number] = Solution(
                 depth=depth,
                 log_depth=log_depth,
                 solved=np.isfinite(depth),
                 unreached=problem.domain.unreached,
-                clamped=problem.degenerate,
-                iterations=len(steps),
-                changes=np.array(steps),
-                status=status,
+                clamped=clamped[place],
+                iterations=len(changes[place]),
+                changes=np.array(changes[place]),
+                status=statuses[place],
                 elapsed=elapsed,
                 device=chosen,
                 image=problem.image,
@@ -351,6 +353,11 @@ def _iterate(
             seconds = time.perf_counter() - began
             queued = max(1, min(4 * queued, int(queued * _QUEUE_SECONDS / seconds)))
     return changes, statuses
+
+
+def _stop_at_once(_iteration: int, _change: float) -> bool:
+    """The callback of images that had not begun when the user's callback stopped the run."""
+    return True
 
 
 def _require_convergence(solution: Solution, which: str, tolerance: float) -> None:

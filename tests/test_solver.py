@@ -326,3 +326,19 @@ def test_values_outside_the_mask_may_be_anything() -> None:
 def test_principal_point_far_outside_is_refused() -> None:
     with pytest.raises(ps.CameraError, match="principal"):
         ps.reconstruct(IMAGE, ps.Camera(30.0, (500.0, 10.0)))
+
+
+def test_stopping_a_batch_stops_the_images_that_have_not_begun() -> None:
+    scenes = [ps.bump(shape=(30, 30)), ps.bump(shape=(20, 33))]
+    seen: list[int] = []
+
+    def stop_at_two(iteration: int, _change: float) -> bool:
+        seen.append(iteration)
+        return iteration == 2
+
+    together = ps.reconstruct_batch(
+        [scene.image for scene in scenes], [scene.camera for scene in scenes], callback=stop_at_two
+    )
+    assert seen == [1, 2], "images of another size come in other launches"
+    assert [solution.status for solution in together] == [ps.Status.STOPPED] * 2
+    assert [solution.iterations for solution in together] == [2, 1]

@@ -44,9 +44,10 @@ class Layout:
 
     @classmethod
     def columns_apart(cls, shape: tuple[int, int], lanes: int) -> Layout:
-        """Even columns before odd ones; each half is padded, and whole vectors long."""
+        """Even columns before odd ones; each half is padded, whole vectors long, and followed by a gap."""
         height, width = shape
-        half = -(-(width // 2 + 2) // lanes) * lanes
+        # A vector's worth between the halves is never written: cells at their ends look there for a neighbour.
+        half = -(-(width // 2 + 2) // lanes) * lanes + max(lanes, 4)
         return cls(height, width, height + 2, 2 * half, 1, 2, apart=True)
 
     @property
