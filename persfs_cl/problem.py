@@ -74,12 +74,17 @@ class Problem:
 
     def depth(self, values: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Log depth and depth from the values of a run; NaN where there is none (yet)."""
-        log_depth = self.sign * (values.astype(np.float64) + self.level)
+        log_depth = values.astype(np.float64)
+        log_depth += self.level
+        log_depth *= self.sign
         # A run that was ended early may not have brought every pixel down from the start value.
         reached = self.domain.solved & (values < values.dtype.type(self.highest)) & (np.abs(log_depth) < _LARGEST)
-        log_depth = np.where(reached, log_depth, np.nan)
-        depth = np.where(self.domain.known, self.known_depth, np.exp(log_depth))
-        return np.where(self.domain.known, np.log(depth), log_depth), depth
+        log_depth[~reached] = np.nan
+        depth = np.exp(log_depth)
+        known = self.domain.known
+        depth[known] = self.known_depth[known]
+        log_depth[known] = np.log(depth[known])
+        return log_depth, depth
 
     @property
     def degenerate(self) -> NDArray[np.bool_]:
@@ -88,11 +93,17 @@ class Problem:
         The set is bounded where A = e² (I + xx') - ññ' of method, e = k E, is positive definite: for
         e² > |ñ|² - (x·ñ)² / (1 + r²), with ñ = (x - p0, y - q0) and r² = x² + y².
         """
-        x, y = self.grid.x, self.grid.y
-        offset_x, offset_y = x - self.light.p0, y - self.light.q0
-        along = x * offset_x + y * offset_y
-        bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
-        return np.asarray(self.domain.solved & ((self.light.norm * self.image) ** 2 <= bound))
+        found = np.zeros_like(self.domain.solved)
+        x = self.grid.x
+        # By rows that fit the cache: over whole images the intermediate arrays would cost more than the arithmetic.
+        for begin in range(0, len(found), 32):
+            rows = slice(begin, begin + 32)
+            y = self.grid.y[rows]
+            offset_x, offset_y = x - self.light.p0, y - self.light.q0
+            along = x * offset_x + y * offset_y
+            bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
+            found[rows] = self.domain.solved[rows] & ((self.light.norm * self.image[rows]) ** 2 <= bound)
+        return found
 
 
 def check(
