@@ -32,12 +32,10 @@ typedef float8 unaligned __attribute__((aligned(4)));
 typedef double number;
 typedef long integer;
 #define as_integer as_long
-#define convert_integer convert_long
 #else
 typedef float number;
 typedef int integer;
 #define as_integer as_int
-#define convert_integer convert_int
 #endif
 
 /* Vectors at any address. */

@@ -56,7 +56,7 @@ class Camera:
     Raises
     ------
     CameraError
-        When a focal length is not a finite number above 0, or the principal point is not two finite numbers.
+        When a focal length is not a number between 0.001 and 1e9, or the principal point is not two finite numbers.
     """
 
     focal_length: float | tuple[float, float]
@@ -64,10 +64,10 @@ class Camera:
 
     def __post_init__(self) -> None:
         lengths = _finite_numbers(self.focal_length)
-        if lengths is None or len(lengths) > 2 or min(lengths) <= 0:
+        if lengths is None or len(lengths) > 2 or min(lengths) < 1e-3 or max(lengths) > 1e9:
             raise CameraError(
-                f"focal_length={self.focal_length!r} is impossible: give one finite number of pixels "
-                "above 0, or two, (fx, fy)."
+                f"focal_length={self.focal_length!r} is impossible: give one number of pixels "
+                "between 0.001 and 1e9, or two, (fx, fy)."
             )
         object.__setattr__(self, "focal_length", lengths if len(lengths) == 2 else lengths[0])
         if self.principal_point is not None:

@@ -181,6 +181,24 @@ def connected(seeds: Mask, passable: Mask) -> Mask:
     return reached
 
 
+def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:
+    """Fewest steps along rows and columns from a seed to each pixel through passable ones; -1 where there is no way."""
+    padded = np.pad(passable, 1)
+    width = padded.shape[1]
+    # Flat and padded, so that a neighbour is an offset and no step leaves the image.
+    steps = np.full(padded.size, -1, np.int32)
+    free = padded.ravel().copy()
+    frontier = np.flatnonzero(np.pad(seeds, 1))
+    count = 0
+    while frontier.size:
+        steps[frontier] = count
+        free[frontier] = False
+        beside = np.concatenate([frontier - 1, frontier + 1, frontier - width, frontier + width])
+        frontier = np.unique(beside[free[beside]])
+        count += 1
+    return np.ascontiguousarray(steps.reshape(padded.shape)[1:-1, 1:-1])
+
+
 def _runs(passable: Mask) -> tuple[NDArray[np.intp], int]:
     breaks = ~passable
     breaks[:, 0] = True

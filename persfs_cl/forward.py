@@ -92,10 +92,21 @@ def render(
     Derivatives of ln z are central differences, one-sided beside the edge of the surface.
     """
     model = shading_model(light, reflectance)
-    values = np.asarray(depth, dtype=np.float64)
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+    if precision not in ("float32", "float64"):
+        raise InputError(f"precision={precision!r} is not a choice: use one of float32, float64.")
+    try:
+        values = np.asarray(depth, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"depth is no array of numbers ({error}).") from error
     if values.ndim != 2 or values.size == 0:
         raise InputError(f"depth has shape {values.shape}: give a (height, width) array.")
-    present = np.isfinite(values)
+    if np.isinf(values).any():
+        raise InputError(
+            f"depth holds {int(np.isinf(values).sum())} infinite values: use NaN where there is no surface."
+        )
+    present = ~np.isnan(values)
     if mask is not None:
         chosen = np.asarray(mask)
         if chosen.dtype != bool or chosen.shape != values.shape:

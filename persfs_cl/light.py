@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from persfs_cl.errors import InputError
 
+_STEEPEST = 1e3
+"""Beyond this slope the light grazes the image plane at less than a tenth of a degree."""
+
 
 @dataclass(frozen=True)
 class ParallelLight:
@@ -22,7 +25,7 @@ class ParallelLight:
     Raises
     ------
     InputError
-        When a slope is not a finite number.
+        When a slope is not a number between -1000 and 1000.
     """
 
     p0: float = 0.0
@@ -35,11 +38,14 @@ class ParallelLight:
                 number = float(value)
             except (TypeError, ValueError):
                 number = math.nan
-            if not math.isfinite(number):
-                raise InputError(f"{name}={value!r} is not a light slope: give a finite number, 0 for a frontal light.")
+            if not abs(number) <= _STEEPEST:
+                raise InputError(
+                    f"{name}={value!r} is not a light slope: give a finite number between -{_STEEPEST:g} and "
+                    f"{_STEEPEST:g}, 0 for a frontal light."
+                )
             object.__setattr__(self, name, number)
 
     @property
     def norm(self) -> float:
         """Length of s, k = sqrt(1 + p0² + q0²)."""
-        return math.sqrt(1.0 + self.p0**2 + self.q0**2)
+        return math.hypot(1.0, self.p0, self.q0)

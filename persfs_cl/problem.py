@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,9 +31,9 @@ class Problem:
     known_depth : ndarray of float64, shape (height, width)
         NaN where unknown.
     start : ndarray of float64, shape (height, width)
-        First values of W = ±Z, less `level`: known values, and above them all `highest`.
-    highest : float
-        The start value, above the largest solution.
+        First values of W = ±Z, less `level`: known values, and above them all the start value.
+    highest_known : float
+        Largest known W, less `level`.
     sign : float
         +1 for a surface going away from the known values, W = Z; -1 for one coming towards the camera, W = -Z.
     level : float
@@ -47,7 +48,7 @@ class Problem:
     camera: Camera
     known_depth: NDArray[np.float64]
     start: NDArray[np.float64]
-    highest: float
+    highest_known: float
     sign: float
     level: float
     max_slope: float
@@ -72,13 +73,22 @@ class Problem:
             edges=boundary.edges,
         )
 
-    def depth(self, values: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Log depth and depth from the values of a run; NaN where there is none (yet)."""
+    def depth(
+        self, values: NDArray[np.floating], *, converged: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Log depth and depth from the values of a run; NaN where there is none.
+
+        A run that was ended early may not have brought every pixel down from the start value. What a known value has
+        reached lies no higher than one step for each pixel on the shortest way from it.
+        """
         log_depth = values.astype(np.float64)
         log_depth += self.level
         log_depth *= self.sign
-        # A run that was ended early may not have brought every pixel down from the start value.
-        reached = self.domain.solved & (values < values.dtype.type(self.highest)) & (np.abs(log_depth) < _LARGEST)
+        reached = self.domain.solved & (np.abs(log_depth) < _LARGEST)
+        if not converged:
+            step = self.max_slope * max(self.grid.dx, self.grid.dy)
+            ways = domain.steps_from(self.domain.known, self.domain.known | self.domain.solved)
+            reached &= values <= (self.highest_known + step * ways) * (1.0 + 1e-5) + 1e-6
         log_depth[~reached] = np.nan
         depth = np.exp(log_depth)
         known = self.domain.known
@@ -106,25 +116,6 @@ class Problem:
         return found
 
 
-def check(
-    image: ArrayLike, camera: Camera, mask: ArrayLike | None, walls: ArrayLike | None, known_depth: ArrayLike | None
-) -> None:
-    """Check what can be checked of an image before any work; see :func:`persfs_cl.reconstruct` for the parameters.
-
-    Raises
-    ------
-    InputError, CameraError
-        When something cannot be used.
-    """
-    if not isinstance(camera, Camera):
-        raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
-    shape = _require_image(image).shape
-    camera.grid(shape)
-    wanted = _require_mask("mask", mask, shape, default=True)
-    _require_mask("walls", walls, shape, default=False)
-    _require_depths(known_depth, shape, wanted)
-
-
 def prepare(
     image: ArrayLike,
     camera: Camera,
@@ -143,29 +134,38 @@ def prepare(
     InputError, CameraError
         When something cannot be used.
     """
-    given = _require_image(image)
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+    given = require_image(image)
     shape = given.shape
     grid = camera.grid(shape)
     wanted = _require_mask("mask", mask, shape, default=True)
     barriers = _require_mask("walls", walls, shape, default=False)
     depths = _require_depths(known_depth, shape, wanted)
+    if known_depth is None and wanted.any() and not (wanted & np.isnan(depths)).any():
+        raise InputError(
+            f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
+            "left to solve: give known_depth."
+        )
     layout = domain.lay_out(wanted, np.isfinite(depths), barriers, boundary)
     _require_shading(given, layout.solved)
 
     sign = 1.0 if surface == "away" else -1.0
     known = sign * np.log(depths[layout.known])
-    level = float(known.min())
+    # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
+    seen = domain.Neighbours.of(layout.solved).any[layout.known]
+    level = float(known[seen].min())
     # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
     steps = np.count_nonzero(layout.solved) + 1
-    highest = float(known.max()) - level + steps * max_slope * max(grid.dx, grid.dy)
-    start = np.full(shape, highest)
+    highest_known = float(known[seen].max()) - level
+    start = np.full(shape, highest_known + steps * max_slope * max(grid.dx, grid.dy))
     start[layout.known] = known - level
     return Problem(
         image=given,
         camera=camera,
         known_depth=depths,
         start=start,
-        highest=highest,
+        highest_known=highest_known,
         sign=sign,
         level=level,
         max_slope=float(max_slope),
@@ -175,8 +175,17 @@ def prepare(
     )
 
 
-def _require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    given = np.asarray(image)
+def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
+    """The array that a user gave; InputError for lists of unequal length and the like."""
+    try:
+        return np.asarray(given)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
+
+
+def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """The image as float64, shape (height, width); InputError when it is none."""
+    given = as_array("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
         raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
@@ -208,7 +217,7 @@ def _require_shading(brightness: NDArray[np.float64], solved: NDArray[np.bool_])
 def _require_mask(name: str, given: ArrayLike | None, shape: tuple[int, int], *, default: bool) -> NDArray[np.bool_]:
     if given is None:
         return np.full(shape, default)
-    pixels = np.asarray(given)
+    pixels = as_array(name, given)
     if pixels.dtype != bool or pixels.shape != shape:
         raise InputError(
             f"{name} is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's shape {shape}."
@@ -219,7 +228,7 @@ def _require_mask(name: str, given: ArrayLike | None, shape: tuple[int, int], *,
 def _require_depths(given: ArrayLike | None, shape: tuple[int, int], wanted: NDArray[np.bool_]) -> NDArray[np.float64]:
     if given is None:
         return np.where(domain.rim(wanted), 1.0, np.nan)
-    depths = np.asarray(given)
+    depths = as_array("known_depth", given)
     if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
         raise InputError(
             f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "

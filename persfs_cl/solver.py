@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl._cl.launches import Sweeper
 from persfs_cl.camera import Camera
-from persfs_cl.errors import ConvergenceError, InputError
+from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.forward import shading_model
 from persfs_cl.light import ParallelLight
-from persfs_cl.problem import Problem, check, prepare
+from persfs_cl.problem import Problem, prepare
 from persfs_cl.reflectance import Lambertian
 from persfs_cl.solution import Elapsed, Solution, Status
 
@@ -84,7 +84,8 @@ def reconstruct(
     scheme : {"auto", "lax-friedrichs"}
     ordering : {"wavefront", "checkerboard", "lexicographic"}
         Order of the cells in a sweep. "wavefront" gives the bits of "lexicographic", in parallel; "checkerboard" other
-        iterates and the same limit.
+        iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under
+        eq. (12) the limit may differ a little, and with "extrapolate" much.
     max_iterations : int
         Iterations of four sweeps at most.
     tolerance : float
@@ -139,8 +140,8 @@ def reconstruct(
 
 
 def reconstruct_batch(
-    images: Sequence[ArrayLike],
-    cameras: Camera | Sequence[Camera],
+    images: Iterable[ArrayLike],
+    cameras: Camera | Iterable[Camera],
     *,
     light: ParallelLight = ParallelLight(),
     reflectance: Lambertian = Lambertian(),
@@ -166,9 +167,9 @@ def reconstruct_batch(
 
     Parameters
     ----------
-    images : sequence of array_like
+    images : iterable of array_like
         As for :func:`reconstruct`; sizes may differ.
-    cameras : Camera or sequence of Camera
+    cameras : Camera or iterable of Camera
         One for all, or one an image.
     mask, walls, known_depth : sequence, optional
         One entry an image, None where it has none.
@@ -193,32 +194,36 @@ def reconstruct_batch(
     began = time.perf_counter()
     options = Options(surface, boundary, scheme, ordering, precision, max_iterations, tolerance, max_slope)
     model = shading_model(light, reflectance)
-    count = len(images)
-    lists: dict[str, Sequence[Any]] = {
-        "cameras": [cameras] * count if isinstance(cameras, Camera) else cameras,
-        "mask": [None] * count if mask is None else mask,
-        "walls": [None] * count if walls is None else walls,
-        "known_depth": [None] * count if known_depth is None else known_depth,
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback={callback!r} cannot be called: give a function of iteration and change.")
+    given = _entries("images", images)
+    count = len(given)
+    lists = {
+        "cameras": [cameras] * count if isinstance(cameras, Camera) else _entries("cameras", cameras),
+        "mask": [None] * count if mask is None else _entries("mask", mask),
+        "walls": [None] * count if walls is None else _entries("walls", walls),
+        "known_depth": [None] * count if known_depth is None else _entries("known_depth", known_depth),
     }
     for name, entries in lists.items():
         if len(entries) != count:
             raise InputError(f"{name} has {len(entries)} entries for {count} images: give one an image.")
-    inputs: list[Any] = list(zip(images, *lists.values(), strict=True))
-    for number, (image, *rest) in enumerate(inputs):
+    inputs: list[Any] = list(zip(given, *lists.values(), strict=True))
+
+    def prepared(number: int) -> Problem:
         try:
-            check(image, *rest)
-        except InputError as error:
-            raise InputError(f"images[{number}]: {error}") if count > 1 else error from None
+            image, camera, region, barriers, known = inputs[number]
+            return prepare(image, camera, region, barriers, known, light, surface, options.boundary, max_slope)
+        except (InputError, CameraError) as error:
+            raise type(error)(f"images[{number}]: {error}" if count > 1 else str(error)) from None
+
     chosen = select_device(device)
     chosen.real(precision)
-
-    def _prepared(entry: tuple[Any, Any, Any, Any, Any]) -> Problem:
-        return prepare(*entry, light, surface, options.boundary, max_slope)
-
+    # All images once for their shapes: a bad one must not be found only after others have been solved.
+    shapes = [prepared(number).image.shape for number in range(count)] if count != 1 else [()]
     solutions: list[Solution | None] = [None] * count
     stopped = False
-    for members in _pieces([np.shape(image) for image in images], chosen, precision):
-        problems = [_prepared(inputs[number]) for number in members]
+    for members in _pieces(shapes, chosen, precision):
+        problems = [prepared(number) for number in members]
         build_began = time.perf_counter()
         sweeper = Sweeper(
             chosen,
@@ -234,7 +239,10 @@ def reconstruct_batch(
         watch = _stop_at_once if stopped else callback
         changes, statuses = _iterate(sweeper, max_iterations, tolerance, watch)
         stopped = stopped or Status.STOPPED in statuses
-        results = [problem.depth(values) for problem, values in zip(problems, sweeper.log_depth(), strict=True)]
+        results = [
+            problem.depth(values, converged=status is Status.CONVERGED)
+            for problem, values, status in zip(problems, sweeper.log_depth(), statuses, strict=True)
+        ]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
         elapsed = Elapsed(share * (time.perf_counter() - began), share * sweeper.kernel_seconds, share * build_seconds)
@@ -244,8 +252,8 @@ def reconstruct_batch(
                 depth=depth,
                 log_depth=log_depth,
                 solved=np.isfinite(depth),
-                unreached=problem.domain.unreached,
-                clamped=clamped[place],
+                unreached=(problem.domain.solved | problem.domain.unreached) & np.isnan(depth),
+                clamped=clamped[place] & np.isfinite(depth),
                 iterations=len(changes[place]),
                 changes=np.array(changes[place]),
                 status=statuses[place],
@@ -263,6 +271,13 @@ def reconstruct_batch(
         for number, solution in enumerate(finished):
             _require_convergence(solution, f"images[{number}]: " if count > 1 else "", tolerance)
     return finished
+
+
+def _entries(name: str, given: Any) -> list[Any]:
+    try:
+        return list(given)
+    except TypeError as error:
+        raise InputError(f"{name}={given!r} is no list: give one entry an image.") from error
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ def handle(name: str, kind: int, version: str, platform: str = "Portable Computi
         platform=SimpleNamespace(name=platform, version=version),
         driver_version=version,
         double_fp_config=63,
+        single_fp_config=63,
         global_mem_size=2**30,
         max_compute_units=2,
     )

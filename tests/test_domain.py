@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from persfs_cl import InputError
-from persfs_cl.domain import NONE, SWEPT, Domain, Mask, connected, lay_out, missing_neighbours, rim
+from persfs_cl.domain import NONE, SWEPT, Domain, Mask, connected, lay_out, missing_neighbours, rim, steps_from
 
 
 def no(shape: tuple[int, int]) -> Mask:
@@ -169,3 +169,10 @@ def test_known_depth_out_of_reach_is_refused() -> None:
     known[5, 5] = True
     with pytest.raises(InputError, match="can reach"):
         lay_out(wanted, known, no((6, 6)), "outflow")
+
+
+def test_steps_from_counts_the_shortest_way() -> None:
+    passable = np.array([[1, 1, 1], [0, 0, 1], [1, 1, 1]], bool)
+    seeds = no((3, 3))
+    seeds[0, 0] = True
+    assert steps_from(seeds, passable).tolist() == [[0, 1, 2], [-1, -1, 3], [6, 5, 4]]

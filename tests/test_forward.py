@@ -64,3 +64,14 @@ def test_mask_hides_pixels_and_cuts_derivatives() -> None:
 def test_bad_input_is_refused(depth: Any, keywords: dict[str, Any], message: str) -> None:
     with pytest.raises(ps.InputError, match=message):
         ps.render(depth, ps.Camera(10.0), **keywords)
+
+
+def test_wrong_kinds_of_input_are_refused() -> None:
+    with pytest.raises(ps.InputError, match="no array of numbers"):
+        ps.render("depth.npy", ps.Camera(10.0))
+    with pytest.raises(ps.InputError, match="no Camera"):
+        ps.render(np.ones((3, 3)), None)  # type: ignore[arg-type]
+    with pytest.raises(ps.InputError, match="precision"):
+        ps.render(np.ones((3, 3)), ps.Camera(10.0), precision="x")
+    with pytest.raises(ps.InputError, match="infinite"):
+        ps.render(np.full((3, 3), np.inf), ps.Camera(10.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -342,3 +342,77 @@ def test_stopping_a_batch_stops_the_images_that_have_not_begun() -> None:
     assert seen == [1, 2], "images of another size come in other launches"
     assert [solution.status for solution in together] == [ps.Status.STOPPED] * 2
     assert [solution.iterations for solution in together] == [2, 1]
+
+
+def labyrinth(size: int) -> np.ndarray[Any, Any]:
+    """One long way through an image: walls with a gap at alternating ends."""
+    mask = np.ones((size, size), bool)
+    mask[1::4, : size - 1] = False
+    mask[3::4, 1:] = False
+    return mask
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(), ps.ParallelLight(0.8, 0.0)], ids=["frontal", "oblique"])
+@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
+def test_what_no_known_value_has_reached_yet_gets_no_depth(ordering: str, light: ps.ParallelLight) -> None:
+    size = 41
+    image = np.random.default_rng(1).uniform(0.75, 0.95, (size, size))
+    known = np.full((size, size), np.nan)
+    known[0, 0] = 2.0
+    keywords: dict[str, Any] = {
+        "light": light,
+        "mask": labyrinth(size),
+        "known_depth": known,
+        "ordering": ordering,
+        "max_slope": 2.0,
+    }
+    camera = ps.Camera(float(size))
+    full = ps.reconstruct(image, camera, tolerance=1e-7, **keywords)
+    assert full.status is ps.Status.CONVERGED
+    assert not full.unreached.any()
+    early = ps.reconstruct(image, camera, max_iterations=1, **keywords)
+    assert early.unreached.any()
+    np.testing.assert_array_equal(early.solved | early.unreached, full.solved)
+    assert not (early.solved & early.unreached).any()
+    assert (early.log_depth[early.solved] < np.log(2.0) + 2.0 / size * size**2).all()
+    assert (np.exp(np.nanmax(early.log_depth)) <= np.exp(np.log(2.0) + 2.0 / size * size * size / 2)).all()
+
+
+def test_errors_in_a_batch_name_the_image() -> None:
+    bad = [IMAGE, IMAGE * 0.0]
+    with pytest.raises(ps.InputError, match=r"images\[1\]: image is all black"):
+        ps.reconstruct_batch(bad, ps.Camera(30.0))
+    with pytest.raises(ps.CameraError, match=r"images\[1\]: .*principal"):
+        ps.reconstruct_batch([IMAGE, IMAGE], [ps.Camera(30.0), ps.Camera(30.0, (900.0, 0.0))])
+    assert ps.reconstruct_batch([], ps.Camera(30.0)) == []
+    images = (image for image in (IMAGE, IMAGE))
+    assert len(ps.reconstruct_batch(images, ps.Camera(30.0))) == 2
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ps.reconstruct([[1.0], [1.0, 2.0]], ps.Camera(9.0)), "no array"),
+        (lambda: ps.reconstruct(IMAGE, ps.Camera(30.0), callback=cast("Any", 5)), "callback=5"),
+        (lambda: ps.reconstruct_batch([IMAGE], cast("Any", None)), "cameras=None"),
+        (lambda: ps.ParallelLight(1e200), "light slope"),
+        (lambda: ps.reconstruct(IMAGE[:1], ps.Camera(30.0)), "give known_depth"),
+    ],
+)
+def test_nonsense_is_an_input_error(call: Any, message: str) -> None:
+    with pytest.raises(ps.InputError, match=message):
+        call()
+
+
+def test_a_known_depth_that_nothing_sees_costs_no_precision() -> None:
+    scene = ps.bump(shape=(30, 30))
+    mask = np.zeros((30, 40), bool)
+    mask[:, :30] = True
+    image, known = np.ones((30, 40)), np.full((30, 40), np.nan)
+    image[:, :30], known[:, :30] = scene.image, scene.known_depth
+    camera = ps.Camera(30.0, (14.5, 14.5))
+    one = ps.reconstruct(image, camera, mask=mask, known_depth=known)
+    known[15, 38] = 1e-30
+    other = ps.reconstruct(image, camera, mask=mask, known_depth=known)
+    np.testing.assert_array_equal(one.depth[:, :30], other.depth[:, :30])
+    assert other.depth[15, 38] == 1e-30

@@ -34,6 +34,8 @@ class Device:
         "cpu", "gpu" or "other".
     is_pocl : bool
         Whether the driver is PoCL.
+    rounds_correctly : bool
+        Whether programs ask for correctly rounded division and square root in single precision.
     has_float64 : bool
         Whether ``precision="float64"`` works.
     memory : int
@@ -51,6 +53,9 @@ class Device:
         self.driver_version: str = handle.driver_version.strip()
         self.kind = _kind(handle)
         self.is_pocl = "PoCL" in self.platform_version
+        # Vectors and scalars must not round differently; a GPU, which has no vectors, is spared the cost.
+        correct = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
+        self.rounds_correctly = self.kind == "cpu" and bool(handle.single_fp_config & correct)
         self.has_float64 = bool(handle.double_fp_config)
         self.memory: int = handle.global_mem_size
         self.compute_units: int = handle.max_compute_units

@@ -494,14 +494,14 @@ def _upload(device: Device, values: NDArray[Any]) -> cl.Buffer:
     host = np.ascontiguousarray(values)
     try:
         return cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=host)
-    except cl.MemoryError as error:
+    except (cl.MemoryError, cl.LogicError) as error:
         raise _out_of_memory(device, host.nbytes) from error
 
 
 def _buffer(device: Device, size: int) -> cl.Buffer:
     try:
         return cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size)
-    except cl.MemoryError as error:
+    except (cl.MemoryError, cl.LogicError) as error:
         raise _out_of_memory(device, size) from error
 
 

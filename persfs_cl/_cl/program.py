@@ -79,6 +79,8 @@ def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -
     # '#line' lets the compiler's messages name the kernel file; -I would break on paths with spaces in PoCL.
     source = "\n".join(f'#line 1 "{name}.cl"\n{kernel_source(name)}' for name in names)
     options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]
+    if device.rounds_correctly:
+        options.append("-cl-fp32-correctly-rounded-divide-sqrt")
     try:
         built: cl.Program = cl.Program(device.context, source).build(options)
     except cl.RuntimeError as error:
