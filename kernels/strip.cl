@@ -11,8 +11,8 @@
  * Left and up never leave the registers. A band is one vector of 8 rows; several bands a strip hide the latency of the
  * square root. Eight steps make a block: eight unaligned loads, one a row and each a column further back, transposed in
  * registers, give the lanes of eight steps, and the results go back the same way. So the arrays stay row-major and in
- * place, for all four directions. They are padded by STRIP_ROWS + 8 all round, and the column table holds its numbers
- * once more in reverse, shape (6, stride).
+ * place, for all four directions. They are padded by STRIP_ROWS + 8 columns, and by rows to whole strips and one more, on
+ * either side; the column table holds its numbers once more in reverse, shape (6, stride).
  */
 #define STRIP_ROWS (8 * BANDS)
 #define PATIENCE 200000000 /* polls */

@@ -14,7 +14,7 @@
 #define FIRST_PROGRESS 2
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-sweep(__global real *log_depth,          /* shape (images, rows, stride), padded by STRIP_ROWS + 8 all round */
+sweep(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl             */
       __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
       __global const uchar *flags,       /* same shape                                                       */
       __global const real *parameters,   /* shape (images, PARAMETERS)                                       */

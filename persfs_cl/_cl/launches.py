@@ -141,7 +141,11 @@ class Tuning:
         """How an image must lie for this variant."""
         if self.variant == "checkerboard":
             return Layout.columns_apart(shape, self.lanes)
-        return Layout.padded(shape, 8 * self.bands + 8 if self.in_strips else 1)
+        if not self.in_strips:
+            return Layout.padded(shape, 1, 1)
+        # The last strip may reach past the image; lanes lean out by a strip's height and a block.
+        strip = 8 * self.bands
+        return Layout.padded(shape, -shape[0] % strip + 1, strip + 8)
 
 
 class Sweeper:

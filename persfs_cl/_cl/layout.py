@@ -35,12 +35,12 @@ class Layout:
     apart: bool = False
 
     @classmethod
-    def padded(cls, shape: tuple[int, int], padding: int) -> Layout:
-        """Rows and columns in their order, with `padding` of them on every side."""
+    def padded(cls, shape: tuple[int, int], rows: int, columns: int) -> Layout:
+        """Rows and columns in their order, with so many more on every side."""
         height, width = shape
         # Rows of whole vectors, so that the stored size is one too.
-        stride = -(-(width + 2 * padding) // 8) * 8
-        return cls(height, width, height + 2 * padding, stride, padding, padding)
+        stride = -(-(width + 2 * columns) // 8) * 8
+        return cls(height, width, height + 2 * rows, stride, rows, columns)
 
     @classmethod
     def columns_apart(cls, shape: tuple[int, int], lanes: int) -> Layout:
