@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+YARDSTICKS := $(VENV)/.yardsticks
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -36,8 +37,12 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(INSTALLED)
+bench: $(YARDSTICKS)
 	$(BIN)/persfs-cl bench
+
+$(YARDSTICKS): $(INSTALLED)
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --editable '.[bench]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) dist build demo-output bench-output .mypy_cache .ruff_cache .pytest_cache .hypothesis

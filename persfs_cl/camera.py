@@ -18,6 +18,8 @@ from persfs_cl.files import FilePath, read_bytes
 _FILM_DIAGONAL = math.hypot(36.0, 24.0)
 # EXIF's FocalPlaneResolutionUnit, in millimetres. 2 and 3 are in the standard, 4 and 5 in use beside it.
 _RESOLUTION_UNITS = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+# Pillow reads tags at 32-bit offsets only.
+_BIG_TIFF_SIGNATURES = (b"II+\0", b"MM\0+")
 _TELL = "Give the focal length in pixels (--focal-length), or the horizontal field of view (--fov)."
 
 
@@ -109,7 +111,7 @@ class Camera:
             When `shape` is not an image's.
         """
         height, width = _image_shape(shape)
-        cx, cy = self.principal_point or ((width - 1) / 2, (height - 1) / 2)
+        cx, cy = self.centre((height, width))
         for name, centre, size in (("cx", cx, width), ("cy", cy, height)):
             if not -size <= centre <= 2 * size:
                 raise CameraError(
@@ -121,32 +123,10 @@ class Camera:
         y = ((np.arange(height, dtype=np.float64) - cy) / self.fy)[:, None]
         return PixelGrid(x, y, 1 / self.fx, 1 / self.fy)
 
-    def scaled(self, factor: float) -> Camera:
-        """The camera of the same photo resized by a factor.
-
-        Parameters
-        ----------
-        factor : float
-            New size over old size, above 0: 0.5 for a photo of half the width and height.
-
-        Returns
-        -------
-        Camera
-            Focal length times `factor`; (cx + 1/2) factor - 1/2 as column of the principal point, because
-            it is the outer edges of the pixels that resizing keeps in place.
-
-        Raises
-        ------
-        InputError
-            When `factor` is not a finite number above 0.
-        """
-        if not (math.isfinite(factor) and factor > 0):
-            raise InputError(f"factor={factor!r} is impossible: give a finite number above 0.")
-        point = self.principal_point
-        return Camera(
-            (self.fx * factor, self.fy * factor),
-            point and ((point[0] + 0.5) * factor - 0.5, (point[1] + 0.5) * factor - 0.5),
-        )
+    def centre(self, shape: tuple[int, int]) -> tuple[float, float]:
+        """The principal point in an image of shape (height, width): as given, or else the middle."""
+        height, width = shape
+        return self.principal_point or ((width - 1) / 2, (height - 1) / 2)
 
     @classmethod
     def from_fov(
@@ -209,7 +189,7 @@ class Camera:
         Raises
         ------
         CameraError
-            When the EXIF data do not give the focal length, or the photo was cropped since.
+            When the EXIF data do not give the focal length, the photo was cropped since, or it is a BigTIFF file.
         InputError
             When the file cannot be read.
         """
@@ -300,6 +280,8 @@ def _read_exif(path: FilePath) -> tuple[tuple[int, int], Mapping[str, Any]]:
     from PIL import ExifTags, Image
 
     data = read_bytes(path)
+    if data.startswith(_BIG_TIFF_SIGNATURES):
+        raise CameraError(f"{path} is a BigTIFF file, whose EXIF data are not read. {_TELL}")
     try:
         if data[:2] in (b"II", b"MM"):
             # Read as bare tags: Pillow cannot open TIFF images of floats.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import tempfile
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from persfs_cl.errors import InputError
@@ -21,6 +22,7 @@ _REMEDIES = {
     errno.EPERM: "Choose a place that you may write to, or change the permissions.",
     errno.EROFS: "The disk is read-only: choose a path on another one.",
     errno.ENOSPC: "Free some space, or choose a path on another disk.",
+    errno.EFBIG: "The disk or your limits allow no file of this size: choose a path on another disk.",
     errno.EDQUOT: "Your quota is used up: free some space, or choose a path on another disk.",
     errno.ENAMETOOLONG: "Choose a shorter name.",
 }
@@ -69,7 +71,49 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{target} cannot be written: {_explained(error, 'Choose another path.')}") from error
+        raise _not_written(target, error) from error
+
+
+@contextmanager
+def filling(folder: FilePath) -> Iterator[Path]:
+    """A temporary folder whose files become those of `folder` once the block has ended without an error.
+
+    Whatever ends the block early, Ctrl-C included, leaves `folder` and the folders above it as they were.
+
+    Parameters
+    ----------
+    folder : path
+        Made if needed, with the folders above it; files of the same names in it are replaced, others stay.
+
+    Yields
+    ------
+    Path
+        The temporary folder, inside `folder`, so that renaming never crosses file systems.
+
+    Raises
+    ------
+    InputError
+        When the operating system refuses, or `folder` holds a folder of a file's name. Names the file or `folder`,
+        the reason and the remedy.
+    """
+    final = Path(folder)
+    new: list[Path] = []
+    try:
+        new += [place for place in (final, *final.parents) if not place.exists()]
+        final.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".persfs-cl-", dir=final) as temporary:
+            try:
+                yield Path(temporary)
+            except InputError as error:
+                raise InputError(str(error).replace(temporary, str(final))) from error
+            _move(list(Path(temporary).iterdir()), final)
+    except BaseException as error:
+        for place in new:
+            with suppress(OSError):
+                place.rmdir()
+        if isinstance(error, OSError):
+            raise _not_written(folder, error) from error
+        raise
 
 
 def read_bytes(path: FilePath) -> bytes:
@@ -102,9 +146,25 @@ def read_bytes(path: FilePath) -> bytes:
     return data
 
 
+def _move(files: list[Path], folder: Path) -> None:
+    targets = [folder / file.name for file in files]
+    # All are looked at before the first file is moved.
+    for target in targets:
+        if target.is_dir():
+            raise InputError(f"{target} is a folder and cannot be replaced: choose another path.")
+    for file, target in zip(files, targets, strict=True):
+        file.replace(target)
+
+
 def _missing_folder(folder: Path) -> OSError:
     code = errno.ENOTDIR if any(parent.is_file() for parent in (folder, *folder.parents)) else errno.ENOENT
     return OSError(code, os.strerror(code), str(folder))
+
+
+def _not_written(target: FilePath, error: OSError) -> InputError:
+    # NumPy and tifffile count the bytes that did not fit, but do not say why.
+    otherwise = "Choose another path." if error.errno else "The disk is probably full: free some space."
+    return InputError(f"{target} cannot be written: {_explained(error, otherwise)}")
 
 
 def _explained(error: OSError, otherwise: str) -> str:

@@ -121,6 +121,38 @@ def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None) -> Array:
     return np.asarray(np.clip((values - darkest) / (brightest - darkest), 0.0, 1.0))
 
 
+def brightest_diffuse(image: ArrayLike, *, mask: ArrayLike | None = None, percentile: float = 99.5) -> float:
+    """Brightness of a matt surface where it faces the light: a percentile, which a few highlights do not move.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Linear light, not negative, on any scale.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to look at.
+    percentile : float
+        In (0, 100]; 100 is the brightest pixel.
+
+    Returns
+    -------
+    float
+        Above 0, in units of `image`.
+
+    Raises
+    ------
+    InputError
+        When so much of the image is black, `percentile` is impossible, or `image` or `mask` cannot be used.
+    """
+    values, inside = _checked(image, mask)
+    brightest = _percentile(values, inside, percentile)
+    if brightest <= 0:
+        raise InputError(
+            f"{percentile:g} % of the image is black: its brightest diffuse value cannot be told. "
+            "Give another image, or a mask that leaves out what is black around the object."
+        )
+    return brightest
+
+
 def normalise_linear(
     image: ArrayLike,
     *,
@@ -137,8 +169,8 @@ def normalise_linear(
     mask : array_like of bool, shape (H, W), optional
         Pixels that set the brightest value. Those outside are divided alike, then cut to [0, 1].
     brightest : float, optional
-        Brightness of the matt surface where it faces the light, in units of `image`. Left out, it is a
-        percentile of the image, which a few highlights do not move.
+        Brightness of the matt surface where it faces the light, in units of `image`. Left out, it is that of
+        `brightest_diffuse`.
     percentile : float
         In (0, 100]; used when `brightest` is left out. 100 is the brightest pixel.
 
@@ -161,12 +193,7 @@ def normalise_linear(
             "linear light cannot be negative. Clip it at 0, or use normalise_grey."
         )
     if brightest is None:
-        brightest = _percentile(values, inside, percentile)
-        if brightest == 0:
-            raise InputError(
-                f"{percentile:g} % of the image is black: its brightest diffuse value cannot be told. "
-                "Give a mask of the object, or brightest."
-            )
+        brightest = brightest_diffuse(values, mask=inside, percentile=percentile)
     elif not (math.isfinite(brightest) and brightest > 0):
         raise InputError(f"brightest={brightest!r} is not a brightness: give a finite number above 0.")
     return np.asarray(np.clip(values / brightest, 0.0, 1.0))

@@ -106,7 +106,9 @@ def read_image(path: FilePath, *, channel: Channel = "luminance", encoding: Enco
     return read_photo(path, channel=channel, encoding=encoding).image
 
 
-def read_photo(path: FilePath, *, channel: Channel = "luminance", encoding: Encoding = "auto") -> Photo:
+def read_photo(
+    path: FilePath, *, channel: Channel = "luminance", encoding: Encoding = "auto", keep_nan: bool = False
+) -> Photo:
     """A photo from a PNG, JPEG or TIFF file: grey, colour or palette, with or without alpha.
 
     8-bit and 16-bit integers and floats are read without loss. The EXIF orientation is applied. Colour
@@ -121,6 +123,9 @@ def read_photo(path: FilePath, *, channel: Channel = "luminance", encoding: Enco
         linear values. Grey files have only the one.
     encoding : {"auto", "srgb", "linear"}
         What the samples are. "auto" takes integers as sRGB and floats as linear.
+    keep_nan : bool
+        Take NaN, in a file of floats, for pixels without a value, instead of refusing the photo; they are black
+        in `Photo.colour`.
 
     Returns
     -------
@@ -130,7 +135,7 @@ def read_photo(path: FilePath, *, channel: Channel = "luminance", encoding: Enco
     ------
     InputError
         When the file is missing, a folder, empty, broken, not such an image, animated or of several pages,
-        or holds NaN, infinite or negative values; when `channel` or `encoding` is unknown.
+        or holds NaN (see `keep_nan`), infinite or negative values; when `channel` or `encoding` is unknown.
     """
     if channel not in _WEIGHTS:
         raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(_WEIGHTS)}.")
@@ -138,7 +143,7 @@ def read_photo(path: FilePath, *, channel: Channel = "luminance", encoding: Enco
         raise InputError(f"encoding={encoding!r} is unknown: give one of {', '.join(get_args(Encoding))}.")
     path = Path(path)
     raster = _read_raster(path)
-    _require_brightness(path, raster)
+    _require_brightness(path, raster, keep_nan=keep_nan)
     samples = raster.colours
     floating = samples.dtype.kind == "f"
     if encoding == "auto":
@@ -338,8 +343,10 @@ def write_grey(
         raise InputError(f"encoding={encoding!r} is unknown: give srgb or linear.")
     values = _grey_array(image, "image")
     levels = _quantised(encode_srgb(values) if encoding == "srgb" else values, bits)
+    # In memory first: imageio's writers print a traceback of their own when the disk is full.
+    data = imageio.v3.imwrite("<bytes>", levels, extension=suffix)
     with atomic_path(target) as temporary:
-        imageio.v3.imwrite(temporary, levels)
+        temporary.write_bytes(data)
 
 
 def _read_raster(path: Path) -> _Raster:
@@ -446,16 +453,16 @@ def _decoding(path: Path) -> Iterator[None]:
         raise InputError(f"{path} is broken or not supported ({error}): save or copy it again.") from error
 
 
-def _require_brightness(path: Path, raster: _Raster) -> None:
+def _require_brightness(path: Path, raster: _Raster, *, keep_nan: bool = False) -> None:
     samples = raster.colours
     if samples.dtype.kind == "f":
-        bad = np.count_nonzero(~np.isfinite(samples))
+        bad = np.count_nonzero(np.isinf(samples) if keep_nan else ~np.isfinite(samples))
         if bad:
             raise InputError(f"{path} has {bad} NaN or infinite samples: replace them, and save it again.")
         negative = np.count_nonzero(samples < 0)
         if negative:
             raise InputError(
-                f"{path} has {negative} negative samples, the lowest {samples.min():g}: brightness cannot be "
+                f"{path} has {negative} negative samples, the lowest {np.nanmin(samples):g}: brightness cannot be "
                 "negative. Cut them to 0, and save it again."
             )
     elif samples.dtype.kind != "u" or raster.bits > 16:

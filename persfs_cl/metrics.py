@@ -59,18 +59,20 @@ def compare(
     Raises
     ------
     InputError
-        When the shapes differ, no pixel is left, a compared value is infinite, ``align`` is unknown, a value
-        is not positive under ``"scale"``, or an array is constant under ``"range"``.
+        When an array does not hold numbers, ``mask`` is not bool, the shapes differ, no pixel is left, a compared value
+        is infinite, ``align`` is unknown, a value is not positive under ``"scale"``, or an array is constant under
+        ``"range"``.
     """
     if align is not None and align not in get_args(Align):
         raise InputError(f'align={align!r} is unknown: choose None, "scale" or "range".')
-    estimated = np.asarray(estimate, dtype=np.float64)
-    true = np.asarray(truth, dtype=np.float64)
+    estimated, true = _numbers("estimate", estimate), _numbers("truth", truth)
     if estimated.shape != true.shape:
         raise InputError(f"estimate has shape {estimated.shape} but truth has {true.shape}: give both the same shape.")
     compared = ~(np.isnan(estimated) | np.isnan(true))
     if mask is not None:
-        wanted = np.asarray(mask, dtype=bool)
+        wanted = np.asarray(mask)
+        if wanted.dtype != np.bool_:
+            raise InputError(f"mask holds {wanted.dtype}, not bool: give mask > 0 or similar.")
         if wanted.shape != true.shape:
             raise InputError(f"mask has shape {wanted.shape} but truth has {true.shape}: give both the same shape.")
         compared &= wanted
@@ -105,6 +107,16 @@ def compare(
         median=float(np.median(difference)),
         count=difference.size,
     )
+
+
+def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
+    try:
+        values = np.asarray(given)
+    except ValueError as error:
+        raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"{name} holds {values.dtype}, not numbers: give an array of floats.")
+    return values.astype(np.float64)
 
 
 def _to_unit_range(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:

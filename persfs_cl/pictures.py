@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140
 _NO_SURFACE = "0.88"
+_SLENDEREST = 8.0
+_STEEPEST_CHANGE = 10.0
 _RELIEF_SAMPLES = 200
 _SOLID_INCHES = 5.6
 _ELEVATION, _AZIMUTH = 48.0, -70.0
@@ -112,8 +114,10 @@ def normals_picture(path: FilePath, normals: ArrayLike) -> None:
     import imageio.v3
 
     pixels = normals_rgb(normals)
+    # In memory first: imageio's writers print a traceback of their own when the disk is full.
+    data = imageio.v3.imwrite("<bytes>", pixels, extension=".png")
     with atomic_path(path) as temporary:
-        imageio.v3.imwrite(temporary, pixels, extension=".png")
+        temporary.write_bytes(data)
 
 
 def relief_picture(
@@ -193,6 +197,7 @@ def comparison_picture(
     title: str = "",
     *,
     white: float = 1.0,
+    photo_title: str = "Photograph",
 ) -> None:
     """Draw photograph, re-rendered photograph and their difference, with its mean and root mean square.
 
@@ -206,6 +211,8 @@ def comparison_picture(
     title : str
     white : float
         The brightness that is shown as white and counts as 255 grey levels.
+    photo_title : str
+        What ``photo`` is called, where it has been prepared.
 
     Raises
     ------
@@ -227,7 +234,7 @@ def comparison_picture(
 
     with _figure(path, *_size(difference, panels=3)) as figure:
         left, middle, right = figure.subplots(1, 3, sharey=True)
-        _show(left, given, "Photograph", "gray", (0.0, 255.0))
+        _show(left, given, photo_title, "gray", (0.0, 255.0))
         _show(middle, again, "Re-rendered", "gray", (0.0, 255.0))
         picture = _show(
             right,
@@ -238,7 +245,7 @@ def comparison_picture(
         )
         figure.colorbar(
             picture,
-            label="re-rendered − photograph (grey levels)",
+            label=f"re-rendered − {photo_title.lower()} (grey levels)",
             extend="both" if errors.maximum > limit else "neither",
         )
         if title:
@@ -253,7 +260,8 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
     path : path
         The PNG file to write.
     changes : array_like, shape (iterations,)
-        max |ΔZ| of each iteration, finite and >= 0. A change of exactly 0 is drawn as a triangle at the foot.
+        max |ΔZ| of each iteration, finite and >= 0. A change of exactly 0 is drawn as a triangle at the foot,
+        and one above 10, which only the start value explains, at the top when others are below.
     tolerance : float
         The change at which the iteration stops, >= 0; drawn as a line unless it is 0.
     title : str
@@ -277,7 +285,6 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
         if tolerance > 0:
             axes.axhline(tolerance, color="#c44e52", linestyle="--", label=f"tolerance {tolerance:g}")
         if not moved.all():
-            axes.set_ylim(bottom=min((v for v in (*values, tolerance) if v > 0), default=1.0) / 10)
             axes.plot(
                 iterations[~moved],
                 np.full(np.count_nonzero(~moved), 0.03),
@@ -289,10 +296,32 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
             )
         axes.set(title=title, xlabel="iteration (four sweeps)", ylabel="change of ln depth, max |ΔZ|")
         axes.locator_params(axis="x", integer=True, min_n_ticks=1)
+        _limit_changes(axes, values, tolerance)
         axes.grid(which="major", color="0.9")
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend()
+
+
+def _limit_changes(axes: Axes, changes: Array, tolerance: float) -> None:
+    """Fit the axis to the iterations proper; the first ones come down from a start value as high as you like."""
+    positive = changes[changes > 0]
+    bottom = min((*positive, *([tolerance] if tolerance > 0 else [])), default=1.0)
+    # No surface is a factor e^10 deeper than its known values, but each pixel adds a step to the start value.
+    proper = positive[positive <= _STEEPEST_CHANGE]
+    high = np.flatnonzero(changes > _STEEPEST_CHANGE)
+    top = max((*proper, tolerance), default=1.0) if proper.size else positive.max(initial=1.0)
+    axes.set_ylim(bottom / (3 if (changes > 0).all() else 10), 3 * top)
+    if proper.size and high.size:
+        axes.plot(
+            high + 1,
+            np.full(high.size, 0.97),
+            transform=axes.get_xaxis_transform(),
+            color="#31688e",
+            marker="^",
+            linestyle="none",
+            label=f"from the start value: up to {changes[high].max():.2g}",
+        )
 
 
 def _require_finite(name: str, values: Array) -> None:
@@ -329,8 +358,13 @@ def _show(
     cmap: str,
     limits: tuple[float, float] | tuple[None, None] = (None, None),
 ) -> AxesImage:
-    """Image on axes in pixels, light grey where it is NaN."""
-    picture = axes.imshow(image, cmap=cmap, vmin=limits[0], vmax=limits[1])
+    """Image on axes in pixels, light grey where it is NaN.
+
+    Pixels are square, unless the image is so slender that nothing could be seen of it, nor of a colour bar beside it.
+    """
+    slenderness = image.shape[1] / image.shape[0]
+    stretch = slenderness / np.clip(slenderness, 1 / _SLENDEREST, _SLENDEREST)
+    picture = axes.imshow(image, cmap=cmap, vmin=limits[0], vmax=limits[1], aspect=float(stretch))
     axes.set_facecolor(_NO_SURFACE)
     axes.set_title(title, fontsize=11)
     axes.set_xlabel("column (px)")

@@ -18,7 +18,7 @@ from persfs_cl import forward, images, metrics, pictures, surface
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.files import atomic_path
+from persfs_cl.files import FilePath, atomic_path, filling
 from persfs_cl.light import ParallelLight
 from persfs_cl.reflectance import Lambertian
 
@@ -68,7 +68,8 @@ class Solution:
     solved : ndarray of bool, shape (height, width)
         Pixels that have a depth, known ones included.
     unreached : ndarray of bool, shape (height, width)
-        Pixels that were to be solved but that no known value can reach.
+        Pixels that were to be solved but have no depth: no known value can reach them, or none had reached them when
+        the run was ended early.
     clamped : ndarray of bool, shape (height, width)
         Solved pixels where the equation degenerates (too dark for their place in the image): their slope is bounded
         by ``max_slope`` alone.
@@ -129,13 +130,22 @@ class Solution:
             self.depth, self.camera, light=self.light, reflectance=self.reflectance, device=self.device
         )
 
-    def grey_errors(self) -> metrics.Errors:
-        """Difference between the re-rendered and the given image in grey levels, 0 to 255 (the paper's Table 2)."""
-        return metrics.compare(255.0 * np.clip(self.render(), 0.0, 1.0), 255.0 * self.image)
+    def grey_errors(self, photo: Array | None = None) -> metrics.Errors:
+        """Difference between the re-rendered and the given image in grey levels, 0 to 255 (the paper's Table 2).
+
+        Parameters
+        ----------
+        photo : ndarray of float, shape (height, width), optional
+            Compare with this image on the scale of E, such as the photograph before smoothing, instead of with the
+            prepared :attr:`image`.
+        """
+        given = self.image if photo is None else photo
+        return metrics.compare(255.0 * np.clip(self.render(), 0.0, 1.0), 255.0 * given)
 
     def report(self) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON."""
         grey = self.grey_errors()
+        height, width = self.depth.shape
         return {
             "status": self.status.name,
             "meaning": self.status.value,
@@ -152,7 +162,11 @@ class Solution:
                 "median": float(np.nanmedian(self.depth)),
                 "max": float(np.nanmax(self.depth)),
             },
-            "grey_levels": {"mean_error": grey.mean, "root_mean_square": grey.root_mean_square},
+            "grey_levels": {
+                "compared_with": "the prepared image E",
+                "mean_error": grey.mean,
+                "root_mean_square": grey.root_mean_square,
+            },
             "seconds": {
                 "total": self.elapsed.total,
                 "kernels": self.elapsed.kernels,
@@ -160,7 +174,7 @@ class Solution:
             },
             "parameters": {
                 "focal_length": [self.camera.fx, self.camera.fy],
-                "principal_point": self.camera.principal_point,
+                "principal_point": list(self.camera.centre((height, width))),
                 "light": {"kind": type(self.light).__name__, "p0": self.light.p0, "q0": self.light.q0},
                 "reflectance": type(self.reflectance).__name__,
                 **self.parameters,
@@ -178,7 +192,12 @@ class Solution:
         }
 
     def save(
-        self, path: str | Path, *, colour: NDArray[np.uint8] | None = None, report: Mapping[str, Any] | None = None
+        self,
+        path: FilePath,
+        *,
+        colour: NDArray[np.uint8] | None = None,
+        report: Mapping[str, Any] | None = None,
+        folder: bool = False,
     ) -> list[Path]:
         """Write the surface to one file, or everything to a folder.
 
@@ -186,18 +205,21 @@ class Solution:
         ----------
         path : path
             A file whose suffix says what is wanted: ``.npy``, ``.tif``, ``.tiff`` (depth, float32 in TIFF), ``.png``
-            (picture of the depth), ``.ply``, ``.obj``, ``.stl``, ``.glb`` (mesh), ``.json`` (report). Anything without
-            a suffix is a folder, made if needed, that receives depth.npy, depth.tiff, depth.png, normals.png,
-            relief.png, mesh.ply, rendered.png, comparison.png, convergence.png and report.json.
+            (picture of the depth), ``.ply``, ``.obj``, ``.stl``, ``.glb`` (mesh), ``.json`` (report). A name
+            without a suffix, or of a folder that exists, is a folder, made if needed, that receives depth.npy,
+            depth.tiff, depth.png, normals.png, relief.png, mesh.ply, rendered.png, comparison.png, convergence.png
+            and report.json.
         colour : ndarray of uint8, optional
             Vertex colours of the mesh, as for :meth:`mesh`.
         report : mapping, optional
             Further entries for the report.
+        folder : bool
+            True makes a folder of `path` whatever its suffix.
 
         Returns
         -------
         list of Path
-            The files written. Each appears whole or not at all.
+            The files written: all of them or, after an error, none.
 
         Raises
         ------
@@ -205,17 +227,16 @@ class Solution:
             When the suffix is unknown or the file cannot be written.
         """
         target = Path(path)
-        if target.suffix:
+        if target.suffix and not folder and not target.is_dir():
             self._write(target, colour, report)
             return [target]
-        try:
-            target.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"Folder {target} cannot be made ({error}): choose another.") from error
         names = ("depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json")
-        for name in names:
-            self._write(target / name, colour, report)
-        return [target / name for name in names] + self._draw(target)
+        with filling(target) as temporary:
+            files = [temporary / name for name in names]
+            for file in files:
+                self._write(file, colour, report)
+            files += self._draw(temporary)
+        return [target / file.name for file in files]
 
     def _write(self, target: Path, colour: NDArray[np.uint8] | None, report: Mapping[str, Any] | None) -> None:
         suffix = target.suffix.lower()
@@ -242,6 +263,6 @@ class Solution:
         pictures.normals_picture(folder / "normals.png", self.normals())
         pictures.relief_picture(folder / "relief.png", self.depth, self.camera, self.image)
         images.write_grey(folder / "rendered.png", rendered)
-        pictures.comparison_picture(folder / "comparison.png", self.image, rendered)
+        pictures.comparison_picture(folder / "comparison.png", self.image, rendered, photo_title="Prepared photograph")
         pictures.convergence_picture(folder / "convergence.png", self.changes, self.parameters["tolerance"])
         return [folder / f"{name}.png" for name in ("normals", "relief", "rendered", "comparison", "convergence")]

@@ -133,24 +133,6 @@ def test_an_impossible_field_of_view_is_refused(angle: Any) -> None:
         Camera.from_fov(angle, (30, 40))
 
 
-@pytest.mark.parametrize("factor", [0.5, 3.0, 0.1])
-def test_scaled_keeps_the_rays_through_the_outer_edges(factor: float) -> None:
-    def edges(camera: Camera, shape: tuple[int, int]) -> tuple[float, ...]:
-        grid = camera.grid(shape)
-        x, y = grid.x, grid.y[:, 0]
-        return x[0] - grid.dx / 2, x[-1] + grid.dx / 2, y[0] - grid.dy / 2, y[-1] + grid.dy / 2
-
-    small = (round(30 * factor), round(40 * factor))
-    for camera in (Camera((50.0, 60.0), (7.0, 11.0)), Camera(50.0)):
-        assert edges(camera.scaled(factor), small) == pytest.approx(edges(camera, (30, 40)), rel=1e-12)
-
-
-@pytest.mark.parametrize("factor", [0.0, -1.0, math.nan, math.inf])
-def test_an_impossible_scale_is_refused(factor: float) -> None:
-    with pytest.raises(InputError, match="factor="):
-        Camera(50.0).scaled(factor)
-
-
 def test_from_matrix_reads_the_four_parameters() -> None:
     matrix = np.array([[590, 0, 270.5], [0, 600, 260], [0, 0, 1]])
     assert Camera.from_matrix(matrix) == Camera((590.0, 600.0), (270.5, 260.0))
@@ -274,3 +256,12 @@ def test_exif_of_an_unreadable_file_is_an_input_error(tmp_path: Path) -> None:
         Camera.from_exif(tmp_path / "text.jpg")
     with pytest.raises(InputError, match=r"text\.tiff cannot be read as a PNG, JPEG or TIFF photo"):
         Camera.from_exif(tmp_path / "text.tiff")
+
+
+@pytest.mark.parametrize("byteorder", ["<", ">"])
+def test_a_big_tiff_photo_asks_for_the_camera(byteorder: Any, tmp_path: Path) -> None:
+    path = tmp_path / "photo.tif"
+    tifffile.imwrite(path, np.full((4, 6), 0.5, np.float32), bigtiff=True, byteorder=byteorder)
+    assert read_image(path).shape == (4, 6)
+    with pytest.raises(CameraError, match=r"photo\.tif is a BigTIFF.*--focal-length.*--fov"):
+        Camera.from_exif(path)

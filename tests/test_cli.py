@@ -109,6 +109,10 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
 
     report = strict(folder / "report.json")
     assert report["status"] == "CONVERGED"
+    assert report["parameters"]["principal_point"] == [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
+    rim = 2 * (HEIGHT + WIDTH) - 4
+    assert report["known"] == {"pixels": rim, "assumed": "z = 1 on the edge of the image or mask"}
+    assert report["requested"] == {"focal_length": WIDTH, "fov": None, "principal_point": None, "device": None}
     assert report["iterations"] == len(report["changes"]) == expected.iterations
     assert report["photo"] == {
         "path": str(photo),
@@ -150,6 +154,10 @@ def test_every_option_reaches_the_solver(photo: Path, tmp_path: Path) -> None:
     assert parameters["principal_point"] == [14, 11.5]
     assert parameters["light"] == {"kind": "ParallelLight", "p0": 0.1, "q0": -0.2}
     assert {name: parameters[name] for name in options} == options
+    report = strict(tmp_path / "out" / "report.json")
+    assert report["known"] == {"pixels": int(np.isfinite(SCENE.known_depth).sum()), "assumed": None}
+    requested = {"focal_length": [30, 31], "fov": None, "principal_point": [14, 11.5], "device": "0"}
+    assert report["requested"] == requested
     assert "MAX_ITERATIONS after 7 iterations" in outcome.stderr
     depth = np.load(tmp_path / "out" / "depth.npy")
     given = np.isfinite(SCENE.known_depth)
@@ -169,7 +177,8 @@ def test_choices_and_defaults_are_those_of_the_library() -> None:
 @pytest.mark.parametrize("normalise", ["linear", "grey", "none"])
 def test_brightness_is_clipped_then_filtered_then_normalised(normalise: str, photo: Path, tmp_path: Path) -> None:
     options = ("--clip-highlights=80", "--mean-filter=3", "--normalise", normalise, "--encoding=linear")
-    assert run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, *options).status == 0
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, *options)
+    assert outcome.status == 0
 
     clipped, highlights = grey.clip_highlights(read_photo(photo, encoding="linear").image, percentile=80)
     smooth = grey.mean_filter(clipped, 3)
@@ -179,6 +188,22 @@ def test_brightness_is_clipped_then_filtered_then_normalised(normalise: str, pho
     said = strict(tmp_path / "out" / "report.json")["photo"]
     assert said["clipped_pixels"] == np.count_nonzero(highlights) > 0
     assert said["white_pixels"] == np.count_nonzero(image >= 1)
+
+    # The photo itself at the same white: neither clipped nor filtered, and stretched as E was.
+    light = read_photo(photo, encoding="linear").image
+    black, white = {
+        "linear": (0.0, np.percentile(smooth, 99.5)),
+        "grey": (smooth.min(), smooth.max()),
+        "none": (0.0, 1.0),
+    }[normalise]
+    itself = np.clip((light - black) / (white - black), 0.0, 1.0)
+    report = strict(tmp_path / "out" / "report.json")
+    for name, reference in (("grey_levels", image), ("grey_levels_photo", itself)):
+        errors = ps.compare(255 * np.clip(expected.render(), 0, 1), 255 * reference)
+        assert report[name]["mean_error"] == pytest.approx(errors.mean, rel=1e-9)
+        assert report[name]["root_mean_square"] == pytest.approx(errors.root_mean_square, rel=1e-9)
+        assert f"by ME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}" in outcome.stderr
+    assert report["grey_levels"]["mean_error"] != report["grey_levels_photo"]["mean_error"]
 
 
 @pytest.mark.usefixtures("quick")
@@ -224,6 +249,7 @@ def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
     assert parameters["principal_point"] == [14, 12]
 
     assert run("reconstruct", jpeg, "-o", out, "--overwrite", "--fov", "60").status == 0
+    assert strict(out / "report.json")["requested"]["fov"] == 60
     expected = ps.Camera.from_fov(60.0, (HEIGHT, WIDTH)).fx
     assert strict(out / "report.json")["parameters"]["focal_length"] == [expected] * 2
 
@@ -244,10 +270,25 @@ def with_nan(path: Path) -> None:
     tifffile.imwrite(path, image)
 
 
+def transparent(path: Path) -> None:
+    levels = np.arange(72, dtype=np.uint8).reshape(8, 9)
+    Image.fromarray(np.stack([levels, np.zeros_like(levels)], axis=-1)).save(path)
+
+
 BAD_PHOTOS: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "nan": ("photo.tiff", with_nan, "1 NaN"),
-    "black": ("photo.png", lambda path: png(path, np.zeros((8, 9))), "black"),
-    "constant": ("photo.png", lambda path: png(path, np.full((8, 9), 0.5)), "constant"),
+    "black": ("photo.png", lambda path: png(path, np.zeros((8, 9))), "every pixel to solve is black"),
+    "constant": (
+        "photo.png",
+        lambda path: png(path, np.full((8, 9), 128 / 255)),
+        "constant, 0.2159 in linear light (128 of 255 in sRGB) at each of 72 pixels",
+    ),
+    "constant floats": (
+        "photo.tiff",
+        lambda path: tifffile.imwrite(path, np.full((8, 9), 3.5, np.float32)),
+        "constant, 3.5 in linear light at each",
+    ),
+    "transparent": ("photo.png", transparent, "of 72, 72 are transparent."),
     "text": ("photo.png", lambda path: path.write_text("no image"), "not a PNG, JPEG or TIFF image"),
     "truncated": ("photo.png", truncated, "broken"),
     "empty": ("photo.png", lambda path: path.touch(), "empty"),
@@ -276,7 +317,9 @@ def corner(value: float) -> NDArray[np.float64]:
 
 BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "mask of another size": (("--mask=small.png",), 1, ("small.png", "(5, 6)")),
-    "mask that selects nothing": (("--mask=black.png",), 1, ("photo.png", "no pixel")),
+    "mask that selects nothing": (("--mask=black.png",), 1, ("photo.png", "no pixel", "720 are outside black.png.")),
+    "walls everywhere": (("--walls=white.png",), 1, ("photo.png", "no pixel", "720 are in white.png.")),
+    "shading clipped away": (("--clip-highlights=0.01",), 1, ("photo.png", "same everywhere", "--clip-highlights")),
     "missing mask": (("--mask=none.png",), 1, ("none.png", "does not exist")),
     "known depth of 0": (("--known-depth=zero.npy",), 1, ("zero.npy", "above 0")),
     "negative known depth": (("--known-depth=negative.npy",), 1, ("negative.npy", "above 0")),
@@ -285,7 +328,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "principal point far outside": (("--principal-point=500,3",), 1, ("photo.png", "far outside", "500")),
     "unknown device": (("--device=abacus",), 3, ("abacus", ps.devices()[0].name)),
     "device out of range": (("--device=99",), 3, ("99",)),
-    "focal length 0": (("--focal-length=0",), 2, ("--focal-length", "0", "above 0")),
+    "focal length 0": (("--focal-length=0",), 2, ("--focal-length", "0", "between 0.001")),
     "negative focal length": (("--focal-length=-5",), 2, ("--focal-length", "-5")),
     "focal length nan": (("--focal-length=nan",), 2, ("--focal-length", "nan")),
     "focal length as text": (("--focal-length=long",), 2, ("--focal-length", "long")),
@@ -313,6 +356,7 @@ def test_bad_option(case: str, photo: Path, tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     png(Path("small.png"), np.ones((5, 6)))
     png(Path("black.png"), np.zeros((HEIGHT, WIDTH)))
+    png(Path("white.png"), np.ones((HEIGHT, WIDTH)))
     png(Path("half.png"), np.arange(WIDTH) // (WIDTH // 2) * np.ones((HEIGHT, 1)))
     for name, value in (("zero", 0.0), ("negative", -1.0), ("one", 1.0)):
         np.save(f"{name}.npy", corner(value))
@@ -366,18 +410,55 @@ def test_full_disk_leaves_nothing_behind(
     def fail(*_arguments: object, **_keywords: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    out = tmp_path / "out"
+    out = tmp_path / "above" / "out"
     if existing:
-        out.mkdir()
+        out.mkdir(parents=True)
         (out / "depth.npy").write_text("old")
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     assert (outcome.status, outcome.stdout) == (1, "")
     assert f"{out / 'mesh.ply'} cannot be written: No space left on device" in outcome.stderr
-    assert out.exists() == existing
+    assert out.parent.exists() == existing
     if existing:
         assert names(out) == {"depth.npy"}
         assert (out / "depth.npy").read_text() == "old"
+
+
+@pytest.mark.parametrize("failure", [ps.InputError("no"), KeyboardInterrupt()])
+def test_a_demo_that_fails_leaves_nothing_behind(
+    failure: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object) -> None:
+        raise failure
+
+    monkeypatch.setattr(ps.Solution, "_draw", fail)
+    assert run("demo", "-o", tmp_path / "a" / "b").status in (1, 130)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_full_standard_output_is_named_and_results_stay(photo: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "persfs_cl", "reconstruct", str(photo), "-o", str(tmp_path / "out"), *FOCAL]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "standard output cannot be written: No space left on device" in done.stderr
+    assert names(tmp_path / "out") == FILES
+
+
+@pytest.mark.usefixtures("quick")
+def test_nan_outside_the_mask_does_no_harm(tmp_path: Path) -> None:
+    with_nan(tmp_path / "photo.tiff")
+    inside = np.ones((HEIGHT, WIDTH), bool)
+    inside[3, 4] = False
+    np.save(tmp_path / "mask.npy", inside)
+    options = ("-o", tmp_path / "out", *FOCAL, "--mean-filter=3")
+    outcome = run("reconstruct", tmp_path / "photo.tiff", *options)
+    assert outcome.status == 1
+    assert "--mask" in outcome.stderr
+    assert run("reconstruct", tmp_path / "photo.tiff", *options, "--mask", tmp_path / "mask.npy").status == 0
+    np.testing.assert_array_equal(np.isfinite(np.load(tmp_path / "out" / "depth.npy")), inside)
 
 
 def test_unexpected_error_keeps_its_traceback(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -639,8 +720,11 @@ def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch
     errors = ps.compare(np.load("demo-output/vase/depth.npy"), scene.depth, align="range")
     assert f"ME {errors.mean:.4f}, RS {errors.root_mean_square:.4f}" in outcome.stdout
     assert errors.mean < 0.0272 and errors.root_mean_square < 0.0559  # noqa: PT018  # the paper's
-    grey_levels = strict(Path("demo-output/coin/report.json"))["grey_levels"]
-    assert f"ME {grey_levels['mean_error']:.2f}, RS {grey_levels['root_mean_square']:.2f}" in outcome.stdout
+    report = strict(Path("demo-output/coin/report.json"))
+    said = [outcome.stdout.index(text) for text in ("from the prepared photograph", "from the photograph itself")]
+    for grey_levels, place in zip((report["grey_levels"], report["grey_levels_photo"]), said, strict=True):
+        text = f"ME {grey_levels['mean_error']:.2f}, RS {grey_levels['root_mean_square']:.2f}"
+        assert place < outcome.stdout.index(text) < place + 200
     coin = np.load("demo-output/coin/depth.npy")
     assert np.count_nonzero(np.isfinite(coin)) == 2861
     assert np.nanmax(coin) == 1

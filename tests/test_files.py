@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from persfs_cl.errors import InputError
-from persfs_cl.files import atomic_path, read_bytes
+from persfs_cl.files import atomic_path, filling, read_bytes
 
 
 def test_the_target_appears_only_when_the_block_ends(tmp_path: Path) -> None:
@@ -149,3 +149,54 @@ def test_read_bytes_says_why_it_cannot(tmp_path: Path) -> None:
         read_bytes(tmp_path / "empty.png")
     with pytest.raises(InputError, match=r"cannot be read: Not a directory"):
         read_bytes(tmp_path / "empty.png" / "a.png")
+
+
+def test_a_write_that_stops_short_without_a_reason_is_taken_for_a_full_disk(tmp_path: Path) -> None:
+    def write() -> None:
+        with atomic_path(tmp_path / "a.npy"):
+            raise OSError("10000 requested and 5064 written")  # NumPy's words
+
+    with pytest.raises(InputError, match=r"a\.npy cannot be written: 10000 .* The disk is probably full: free some"):
+        write()
+
+
+def fill(folder: Path, failure: BaseException | None = None) -> None:
+    with filling(folder) as temporary:
+        for name in ("a", "b"):
+            (temporary / name).write_text("new")
+        if failure:
+            raise failure
+
+
+def test_a_folder_is_filled_with_all_files_at_once(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "folder"
+    fill(folder)
+    assert sorted(path.name for path in folder.iterdir()) == ["a", "b"]
+    (folder / "a").write_text("old")
+    (folder / "mine").write_text("mine")
+    fill(folder)
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {"a": "new", "b": "new", "mine": "mine"}
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), ValueError("no"), OSError("no"), InputError("no")])
+def test_a_failure_leaves_the_folder_and_those_above_it_as_they_were(tmp_path: Path, failure: BaseException) -> None:
+    expected = InputError if isinstance(failure, OSError) else type(failure)
+    with pytest.raises(expected):
+        fill(tmp_path / "x" / "y" / "z", failure)
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "a").write_text("old")
+    for folder in ("x", "x/y/z"):
+        with pytest.raises(expected):
+            fill(tmp_path / folder, failure)
+    assert [path.name for path in (tmp_path / "x").iterdir()] == ["a"]
+    assert (tmp_path / "x" / "a").read_text() == "old"
+
+
+def test_nothing_is_replaced_when_one_file_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("old")
+    (tmp_path / "b").mkdir()
+    with pytest.raises(InputError, match="b is a folder and cannot be replaced"):
+        fill(tmp_path)
+    assert (tmp_path / "a").read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.errors import InputError
 from persfs_cl.grey import (
+    brightest_diffuse,
     clip_highlights,
     decode_srgb,
     encode_srgb,
@@ -112,6 +113,14 @@ def test_normalise_linear_divides_by_the_brightest_diffuse_value() -> None:
     np.testing.assert_array_equal(normalise_linear(image, brightest=0.2), [[0.0, 0.5, 1.0, 1.0]])
     np.testing.assert_allclose(normalise_linear(image, percentile=100), image / 0.8)
     np.testing.assert_allclose(normalise_linear(image, mask=image < 0.5, percentile=100), [[0.0, 0.5, 1.0, 1.0]])
+
+
+def test_brightest_diffuse_is_what_normalise_linear_divides_by() -> None:
+    image = random_image((20, 50))
+    white = brightest_diffuse(image)
+    assert white == np.percentile(image, 99.5)
+    np.testing.assert_array_equal(normalise_linear(image), normalise_linear(image, brightest=white))
+    assert brightest_diffuse([[0.2, 0.8]], mask=[[True, False]], percentile=100) == 0.2
 
 
 def test_normalise_linear_is_not_moved_by_a_few_highlights() -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -544,4 +547,42 @@ def test_writers_refuse_what_they_cannot_write(tmp_path: Path) -> None:
     for write, name in ((write_depth, "a.npy"), (write_depth, "a.tif"), (write_grey, "a.png")):
         with pytest.raises(InputError, match=f"{name} cannot be written: No such file.*Create the folder first"):
             write(tmp_path / "missing" / name, np.ones(SHAPE))
+    assert not list(tmp_path.iterdir())
+
+
+def test_nan_is_kept_when_asked_for_and_black_in_the_colours(tmp_path: Path) -> None:
+    light = np.full((4, 5, 3), 0.5, np.float32)
+    light[1, 2, 0] = np.nan
+    tifffile.imwrite(tmp_path / "a.tif", light, photometric="rgb")
+    with pytest.raises(InputError, match="1 NaN"):
+        read_photo(tmp_path / "a.tif")
+    photo = read_photo(tmp_path / "a.tif", keep_nan=True)
+    assert np.argwhere(np.isnan(photo.image)).tolist() == [[1, 2]]
+    assert photo.colour[1, 2].tolist() == [0, 188, 188]
+    for wrong, reason in ((np.inf, "1 NaN or infinite"), (-1.0, "1 negative samples, the lowest -1")):
+        light[0, 0, 0] = wrong
+        tifffile.imwrite(tmp_path / "a.tif", light, photometric="rgb")
+        with pytest.raises(InputError, match=reason):
+            read_photo(tmp_path / "a.tif", keep_nan=True)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a limit on the size of files")
+@pytest.mark.parametrize("write", ["write_grey('a.png', x)", "write_grey('a.tif', x)", "write_depth('a.npy', x)"])
+def test_a_file_that_does_not_fit_is_one_clear_error(write: str, tmp_path: Path) -> None:
+    code = f"""
+import resource, numpy as np
+from persfs_cl.errors import InputError
+from persfs_cl.images import write_depth, write_grey
+x = np.random.default_rng(0).random((100, 100))
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+try:
+    {write}
+except InputError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    assert "cannot be written" in done.stdout
+    assert "disk" in done.stdout
+    assert "None" not in done.stdout
     assert not list(tmp_path.iterdir())

@@ -75,6 +75,10 @@ def test_an_array_equals_itself(align: Any) -> None:
         ([1.0, 2.0], [-1.0, 2.0], {"align": "scale"}, "truth goes down to -1"),
         ([3.0, 3.0], [1.0, 2.0], {"align": "range"}, "estimate is 3 at every"),
         ([1.0, 2.0], [4.0, 4.0], {"align": "range"}, "truth is 4 at every"),
+        ("a", [1.0], {}, "estimate holds <U1, not numbers"),
+        ([1.0], [None], {}, "truth holds object, not numbers"),
+        ([1.0], [[1.0], [1.0, 2.0]], {}, "truth is no array"),
+        ([1.0, 2.0], [1.0, 2.0], {"mask": [0, 255]}, "mask holds int64, not bool"),
     ],
 )
 def test_wrong_inputs_are_named(estimate: Any, truth: Any, keywords: Any, message: str) -> None:

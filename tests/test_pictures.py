@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Callable
@@ -206,6 +207,36 @@ def test_convergence_is_logarithmic_and_shows_a_change_of_zero(tolerance: float,
     levels = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == "--"]
     assert levels == ([tolerance] if tolerance else [])
     assert axes.get_ylim()[0] < min(level for level in (*HISTORY, tolerance) if level > 0)
+
+
+def test_the_start_value_does_not_squeeze_the_curve(tmp_path: Path, drawn: Drawn) -> None:
+    pictures.convergence_picture(tmp_path / "convergence.png", [3e4, 0.5, 0.01], 1e-3)
+    axes = drawn[0].axes[0]
+    bottom, top = axes.get_ylim()
+    assert 1e-4 < bottom < 1e-3
+    assert 0.5 < top < 5
+    assert axes.lines[-1].get_xdata().tolist() == [1]
+    assert "3e+04" in axes.lines[-1].get_label()
+    pictures.convergence_picture(tmp_path / "high.png", [3e4], 1e-3)
+    assert drawn[1].axes[0].get_ylim()[1] > 3e4
+
+
+@pytest.mark.parametrize("shape", [(1, 60), (60, 1), (2, 500)])
+def test_the_colour_bar_of_a_slender_image_can_be_read(shape: tuple[int, int], tmp_path: Path, drawn: Drawn) -> None:
+    pictures.depth_picture(tmp_path / "a.png", np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape))
+    bar = drawn[0].axes[1]
+    box = bar.get_window_extent()
+    assert min(box.width, box.height) > 15
+    labels = [*bar.get_xticklabels(), *bar.get_yticklabels()]
+    boxes = [label.get_window_extent() for label in labels if label.get_text()]
+    assert len(boxes) > 2
+    assert not any(one.overlaps(other) for one, other in itertools.pairwise(boxes))
+
+
+def test_comparison_names_a_prepared_photograph(tmp_path: Path, drawn: Drawn) -> None:
+    pictures.comparison_picture(tmp_path / "a.png", a_bump() / 4, a_bump() / 5, photo_title="Prepared photograph")
+    assert drawn[0].axes[0].get_title() == "Prepared photograph"
+    assert "prepared photograph" in drawn[0].axes[3].get_ylabel()
 
 
 def test_convergence_can_be_drawn_when_nothing_ever_changed(tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +42,8 @@ def test_the_rendered_surface_resembles_the_image(solution: ps.Solution) -> None
     errors = solution.grey_errors()
     assert errors.mean == pytest.approx(255 * np.nanmean(np.abs(np.clip(rendered, 0, 1) - solution.image)), rel=1e-6)
     assert errors.mean < 6.0
+    shifted = solution.grey_errors(solution.image + 2.0)
+    assert shifted.mean == pytest.approx(255 * np.nanmean(solution.image + 2.0 - np.clip(rendered, 0, 1)), rel=1e-6)
 
 
 def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
@@ -54,6 +58,7 @@ def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
     assert report["versions"]["persfs-cl"] == ps.__version__
     assert 0 < report["seconds"]["kernels"] < report["seconds"]["total"]
     assert report["grey_levels"]["mean_error"] == pytest.approx(solution.grey_errors().mean)
+    assert report["parameters"]["principal_point"] == [24.5, 19.5]
 
 
 def test_saving_to_a_folder_writes_everything(solution: ps.Solution, tmp_path: Path) -> None:
@@ -81,6 +86,39 @@ def test_saving_where_it_cannot_be_is_refused(solution: ps.Solution, tmp_path: P
     with pytest.raises(ps.InputError, match="no known suffix"):
         solution.save(tmp_path / "surface.xyz")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ps.InputError, match="cannot be made"):
+    with pytest.raises(ps.InputError, match=r"folder cannot be written: Not a directory.*choose another path"):
         solution.save(tmp_path / "file" / "folder")
     assert not (tmp_path / "surface.xyz").exists()
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_folder_may_have_a_dot_in_its_name(
+    exists: bool, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ps.Solution, "_draw", lambda _self, _folder: [])
+    folder = tmp_path / "run.2"
+    if exists:
+        folder.mkdir()
+    written = solution.save(folder, folder=not exists)
+    assert sorted(folder.iterdir()) == sorted(written)
+    assert folder / "report.json" in written
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_saving_to_a_folder_writes_all_or_nothing(
+    exists: bool, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
+    folder = tmp_path / "above" / "folder"
+    if exists:
+        folder.mkdir(parents=True)
+        (folder / "depth.npy").write_text("old")
+    with pytest.raises(ps.InputError, match=r"above/folder/mesh\.ply cannot be written: No space left"):
+        solution.save(folder)
+    if exists:
+        assert {path.name: path.read_text() for path in folder.iterdir()} == {"depth.npy": "old"}
+    else:
+        assert not list(tmp_path.iterdir())

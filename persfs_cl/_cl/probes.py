@@ -45,7 +45,7 @@ def copier(device: Device, size: int) -> Callable[[int], None]:
         arrays = [cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size) for _ in range(2)]
         for array in arrays:
             # Memory that was never written to may be one and the same page of zeros.
-            cl.enqueue_fill_buffer(device.queue, array, np.float32(1), 0, size)
+            cl.enqueue_fill_buffer(device.queue, array, np.ones(1, np.float32), 0, size)
     except cl.MemoryError as error:
         raise DeviceError(
             f"{device} cannot hold two arrays of {size / 2**20:.0f} MiB: measure smaller images."

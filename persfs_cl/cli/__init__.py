@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import sys
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -9,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 import persfs_cl
+from persfs_cl.cli.bench import bench
 from persfs_cl.cli.compare import compare
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
@@ -18,6 +22,7 @@ from persfs_cl.cli.render import render
 from persfs_cl.errors import DeviceError, PersfsError
 
 _INPUT_FAILED, _NO_DEVICE = 1, 3
+_STDOUT_FAILED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 _EPILOG = """[bold]Exit status[/bold]
 
@@ -49,7 +54,17 @@ _COMPARE_EPILOG = """[bold]Examples[/bold]
 
 persfs-cl compare result/depth.npy truth.npy --align scale
 
-persfs-cl compare result/rendered.png photo.png --mask object.png --json
+persfs-cl compare one/rendered.png other/rendered.png --mask object.png --json
+"""
+_BENCH_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl bench --quick
+
+persfs-cl bench --experiment orderings --experiment roofline --sizes 2048
+
+persfs-cl bench --experiment batch --batch 1,64 --orderings wavefront --device gpu
+
+Ctrl-C keeps what was measured: the files are written, and the exit status is 130.
 """
 
 
@@ -62,9 +77,27 @@ class _Commands(TyperGroup):
         except PersfsError as error:
             typer.echo(f"persfs-cl: {error}", err=True)
             raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
+        except OSError as error:
+            # Files fail as InputError and name themselves. A pipe whose reader has left is typer's business.
+            if error.filename is not None or error.errno not in _STDOUT_FAILED:
+                raise
+            _abandon_stdout()
+            typer.echo(
+                f"persfs-cl: standard output cannot be written: {error.strerror}. Direct it elsewhere; result files "
+                "that were written before stay.",
+                err=True,
+            )
+            raise typer.Exit(_INPUT_FAILED) from error
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from error
+
+
+def _abandon_stdout() -> None:
+    """Let what is still buffered go nowhere: Python would try to write it once more at the end, and complain."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 def _paragraphs(text: str) -> str:
@@ -87,6 +120,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     reconstruct: _RECONSTRUCT_EPILOG,
     render: _RENDER_EPILOG,
     compare: _COMPARE_EPILOG,
+    bench: _BENCH_EPILOG,
     devices: "",
     demo: "",
 }

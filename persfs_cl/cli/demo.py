@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from persfs_cl.cli.options import CameraOptions, DeviceOption
-from persfs_cl.cli.output import check_folder, filling
+from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.photo import Brightness, solve_photo
 from persfs_cl.cli.progress import writing
 from persfs_cl.metrics import compare
@@ -48,8 +48,8 @@ def demo(
         device=device,
     )
     errors = compare(solution.depth, scene.depth, align="range")
-    with filling(folder) as temporary, writing():
-        solution.save(temporary)
+    with writing():
+        solution.save(folder, folder=True)
     typer.echo(f"""\
 The paper's vase, a synthetic image of known depth: {solution.iterations} iterations, the background known.
   Height, scaled to [0, 1]:   here       ME {errors.mean:.4f}, RS {errors.root_mean_square:.4f}
@@ -69,11 +69,14 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
     )
     with writing():
         result.save(folder)
-    grey = result.solution.grey_errors()
+    prepared, original = result.solution.grey_errors(), result.photo_errors()
     typer.echo(f"""\
 A Greek coin from Pompeii, a real photograph of 72 x 72 pixels: {result.solution.iterations} iterations.
-  Photographed again, the surface differs from the photograph, in grey levels of 255, by
-                              here       ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f}
+  Photographed again, the surface differs, in grey levels of 255,
+    from the prepared photograph, with its highlights clipped and smoothed, by
+                              here       ME {prepared.mean:.2f}, RS {prepared.root_mean_square:.2f}
+    from the photograph itself, at the same white, by
+                              here       ME {original.mean:.2f}, RS {original.root_mean_square:.2f}
                               the paper  ME {_PAPER_STATUE[0]}, RS {_PAPER_STATUE[1]} (another photograph, of a statue)
   Look at {folder / "relief.png"} and {folder / "comparison.png"}, and turn {folder / "mesh.ply"} in a mesh viewer.
   The same by hand:

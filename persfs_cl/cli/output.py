@@ -1,15 +1,11 @@
-"""Where results go: checked before the work, and filled all at once after it."""
+"""Where results go, checked before the work."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import typer
-
-from persfs_cl.errors import InputError
 
 _OPTION = "'--output' / '-o'"
 
@@ -52,46 +48,6 @@ def check_file(file: Path, suffixes: tuple[str, ...], *, overwrite: bool) -> Non
         _check_writable(file.parent)
     except OSError as error:
         raise typer.BadParameter(f"{file} cannot be written: {error.strerror}.", param_hint=_OPTION) from error
-
-
-@contextmanager
-def filling(folder: Path) -> Iterator[Path]:
-    """A temporary folder whose files become those of `folder` when the block has ended without an error.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if needed; files of the same names in it are replaced, others stay.
-
-    Yields
-    ------
-    Path
-        The temporary folder, inside `folder`, so that renaming never crosses file systems.
-
-    Raises
-    ------
-    InputError
-        When the operating system refuses.
-    """
-    is_new = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".persfs-cl-", dir=folder) as temporary:
-            try:
-                yield Path(temporary)
-            except InputError as error:
-                raise InputError(str(error).replace(temporary, str(folder))) from error
-            for file in Path(temporary).iterdir():
-                file.replace(folder / file.name)
-    except BaseException as error:
-        if is_new:
-            with suppress(OSError):
-                folder.rmdir()
-        if isinstance(error, OSError):
-            raise InputError(
-                f"{folder} cannot be written: {error.strerror}. Free some space, or choose another folder."
-            ) from error
-        raise
 
 
 def _check_writable(folder: Path) -> None:

@@ -11,13 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.cli.options import CameraOptions
-from persfs_cl.cli.output import filling
+from persfs_cl.domain import rim
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.grey import clip_highlights, mean_filter, normalise_grey, normalise_linear
+from persfs_cl.grey import (
+    brightest_diffuse,
+    clip_highlights,
+    encode_srgb,
+    mean_filter,
+    normalise_grey,
+    normalise_linear,
+)
 from persfs_cl.images import Channel, Encoding, Photo, read_depth, read_mask, read_photo
+from persfs_cl.metrics import Errors
 from persfs_cl.solution import Solution
 from persfs_cl.solver import reconstruct
 
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Normalise = Literal["linear", "grey", "none"]
 
 
@@ -43,20 +53,23 @@ class Brightness:
     mean_filter: int = 1
     normalise: Normalise = "linear"
 
-    def of(self, photo: Photo, mask: NDArray[np.bool_]) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """E of a photo, and what was done to it, for the report.
+    def of(self, photo: Photo, mask: Mask) -> tuple[Array, Array, dict[str, Any]]:
+        """E of a photo, the photo itself on the scale of E, and what was done to it, for the report.
+
+        The second is neither clipped nor filtered; what is brighter than the white of E is white.
 
         Parameters
         ----------
         photo : Photo
         mask : ndarray of bool, shape (height, width)
-            Pixels that count.
+            Pixels that count, at least one.
 
         Raises
         ------
         InputError
             When the brightness cannot be used.
         """
+        _require_shading(photo, mask)
         image = photo.image
         clipped = 0
         # First, because the filter would spread a highlight over its neighbours.
@@ -65,17 +78,30 @@ class Brightness:
             clipped = int(np.count_nonzero(highlights))
         if self.mean_filter > 1:
             image = mean_filter(image, self.mean_filter, mask)
+        if mask.sum() > 1 and np.ptp(image[mask]) == 0:
+            raise InputError(
+                "the brightness is the same everywhere after --clip-highlights and --mean-filter: there is no shading "
+                "left to reconstruct from. Clip or smooth less."
+            )
+        black, white = 0.0, 1.0
         if self.normalise == "linear":
-            image = normalise_linear(image, mask=mask)
+            white = brightest_diffuse(image, mask=mask)
+            image = normalise_linear(image, mask=mask, brightest=white)
         elif self.normalise == "grey":
+            black, white = float(image[mask].min()), float(image[mask].max())
             image = normalise_grey(image, mask)
-        return image, {
-            **asdict(self),
-            "encoding": photo.encoding,
-            "bits": photo.bits,
-            "clipped_pixels": clipped,
-            "white_pixels": int(np.count_nonzero(image[mask] >= 1.0)),
-        }
+        unfiltered = np.clip((photo.image - black) / (white - black), 0.0, 1.0)
+        return (
+            image,
+            unfiltered,
+            {
+                **asdict(self),
+                "encoding": photo.encoding,
+                "bits": photo.bits,
+                "clipped_pixels": clipped,
+                "white_pixels": int(np.count_nonzero(image[mask] >= 1.0)),
+            },
+        )
 
 
 @dataclass(frozen=True)
@@ -86,13 +112,20 @@ class PhotoSolution:
     ----------
     solution : Solution
     photo : Photo
+    unfiltered : ndarray of float64, shape (height, width)
+        The photo itself, on the scale of the prepared image E.
     report : mapping
-        What the report says of the photo beside what it says of the solution.
+        What the report says beside what it says of the solution.
     """
 
     solution: Solution
     photo: Photo
+    unfiltered: Array
     report: Mapping[str, Any]
+
+    def photo_errors(self) -> Errors:
+        """Difference between the re-rendered image and the photo itself, in grey levels, 0 to 255."""
+        return self.solution.grey_errors(self.unfiltered)
 
     def save(self, folder: Path) -> list[Path]:
         """Write all results to a folder, or none.
@@ -107,9 +140,14 @@ class PhotoSolution:
         InputError
             When a file cannot be written.
         """
-        with filling(folder) as temporary:
-            files = self.solution.save(temporary, colour=self.photo.colour, report={"photo": self.report})
-        return [folder / file.name for file in files]
+        grey = self.photo_errors()
+        levels = {
+            "compared_with": "the photo itself, neither clipped nor filtered, where E is 1 as white",
+            "mean_error": grey.mean,
+            "root_mean_square": grey.root_mean_square,
+        }
+        report = {**self.report, "grey_levels_photo": levels}
+        return self.solution.save(folder, colour=self.photo.colour, report=report, folder=True)
 
 
 def solve_photo(
@@ -140,19 +178,52 @@ def solve_photo(
     PersfsError
         Naming the file that cannot be used.
     """
-    photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding)
+    photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding, keep_nan=True)
     shape = (photo.image.shape[0], photo.image.shape[1])
-    wanted = np.ones(shape, bool) if photo.mask is None else photo.mask
-    if mask is not None:
-        wanted = wanted & read_mask(mask, shape)
+    opaque = np.ones(shape, bool) if photo.mask is None else photo.mask
+    inside = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
     barriers = np.zeros(shape, bool) if walls is None else read_mask(walls, shape)
     depths = None if known_depth is None else read_depth(known_depth, shape)
     pinhole = camera.camera(path, shape)
+    wanted = opaque & inside
+    known = rim(wanted) if depths is None else np.isfinite(depths)
+    if not (wanted & ~barriers).any():
+        why = _why_empty({"transparent": ~opaque, f"outside {mask}": ~inside, f"in {walls}": barriers})
+        raise InputError(f"{path}: {why}")
     try:
-        image, report = brightness.of(photo, wanted & ~barriers)
+        image, unfiltered, prepared = brightness.of(photo, wanted & ~barriers)
         solution = reconstruct(image, pinhole, mask=wanted, walls=barriers, known_depth=depths, **keywords)
     except (InputError, CameraError) as error:
         raise type(error)(f"{path}: {error}") from error
     files = {"path": path, "mask": mask, "walls": walls, "known_depth": known_depth}
-    report |= {name: None if file is None else str(file) for name, file in files.items()}
-    return PhotoSolution(solution, photo, report)
+    report = {
+        "photo": prepared | {name: None if file is None else str(file) for name, file in files.items()},
+        "known": {
+            "pixels": int(np.count_nonzero(known & ~barriers)),
+            "assumed": "z = 1 on the edge of the image or mask" if depths is None else None,
+        },
+        "requested": {**asdict(camera), "device": keywords.get("device")},
+    }
+    return PhotoSolution(solution, photo, unfiltered, report)
+
+
+def _why_empty(left_out: Mapping[str, Mask]) -> str:
+    counts = [f"{np.count_nonzero(pixels)} are {why}" for why, pixels in left_out.items() if pixels.any()]
+    size = next(iter(left_out.values())).size
+    return f"no pixel is left to solve: of {size}, {', '.join(counts)}. Leave out fewer."
+
+
+def _require_shading(photo: Photo, mask: Mask) -> None:
+    """Refuse a photo by its own values, before they are normalised."""
+    values = photo.image[mask]
+    if bad := int(np.count_nonzero(np.isnan(values))):
+        raise InputError(f"{bad} NaN pixels are among those to solve: leave them out with --mask.")
+    darkest, brightest = float(values.min()), float(values.max())
+    if brightest <= 0:
+        raise InputError("every pixel to solve is black: there is no shading to reconstruct from.")
+    if darkest == brightest and values.size > 1:
+        coded = f" ({255 * float(encode_srgb(darkest)):.4g} of 255 in sRGB)" if photo.encoding == "srgb" else ""
+        raise InputError(
+            f"the photo is constant, {darkest:.4g} in linear light{coded} at each of {values.size} pixels to solve: "
+            "there is no shading to reconstruct from."
+        )

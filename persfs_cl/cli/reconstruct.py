@@ -21,11 +21,11 @@ from persfs_cl.cli.options import (
     positive,
 )
 from persfs_cl.cli.output import check_folder
-from persfs_cl.cli.photo import Brightness, Normalise, solve_photo
+from persfs_cl.cli.photo import Brightness, Normalise, PhotoSolution, solve_photo
 from persfs_cl.cli.progress import INTERRUPTED, progress_line, stop_on_interrupt, writing
 from persfs_cl.images import Channel, Encoding
 from persfs_cl.light import ParallelLight
-from persfs_cl.solution import Solution, Status
+from persfs_cl.solution import Status
 
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
@@ -193,19 +193,22 @@ def reconstruct(
         files = result.save(output)
     for file in files:
         typer.echo(file)
-    typer.echo(_summary(result.solution), err=True)
+    typer.echo(_summary(result), err=True)
     if result.solution.status is Status.STOPPED:
         raise typer.Exit(INTERRUPTED)
 
 
-def _summary(solution: Solution) -> str:
+def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
-    grey = solution.grey_errors()
+    solution = result.solution
+    grey, photo = solution.grey_errors(), result.photo_errors()
     text = (
         f"{solution.status.name} after {solution.iterations} iterations in {solution.elapsed.total:.2f} s on "
         f"{solution.device.name}. {solution.status.value}\n"
-        f"Photographed again, the surface differs from the photo by ME {grey.mean:.2f}, "
-        f"RS {grey.root_mean_square:.2f} grey levels (0 to 255)."
+        "Photographed again, the surface differs, in grey levels (0 to 255),\n"
+        f"  from the prepared photo (clipped, filtered, normalised) by ME {grey.mean:.2f}, "
+        f"RS {grey.root_mean_square:.2f},\n"
+        f"  from the photo itself by ME {photo.mean:.2f}, RS {photo.root_mean_square:.2f}."
     )
     if clamped := int(solution.clamped.sum()):
         text += (

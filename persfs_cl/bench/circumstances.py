@@ -1,0 +1,83 @@
+"""Under what circumstances something was measured: device, driver, versions, processor, date."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from persfs_cl._cl.device import Device
+
+_PACKAGES = ("persfs-cl", "numpy", "pyopencl", "pocl-binary-distribution", "numba", "scikit-fmm")
+
+
+def circumstances(device: Device, command: str) -> dict[str, Any]:
+    """Everything that a figure should name.
+
+    Parameters
+    ----------
+    device : Device
+    command : str
+        What was typed.
+    """
+    return {
+        "command": command,
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "device": {
+            "name": device.name,
+            "kind": device.kind,
+            "platform": device.platform,
+            "platform_version": device.platform_version,
+            "driver_version": device.driver_version,
+            "compute_units": device.compute_units,
+            "memory_bytes": device.memory,
+        },
+        "processor": processor(),
+        "cores": usable_cores(),
+        "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "system": platform.platform(),
+        "versions": {"python": platform.python_version(), **_versions()},
+    }
+
+
+def summary(header: Mapping[str, Any]) -> str:
+    """The circumstances in two lines, for the foot of a plot and the head of a table."""
+    device, versions = header["device"], header["versions"]
+    packages = ", ".join(f"{name} {number}" for name, number in versions.items())
+    platform_version = device["platform_version"].partition(",")[0]  # PoCL goes on with how it was built
+    return (
+        f"{device['name']}; {device['platform']}, {platform_version}, driver {device['driver_version']}\n"
+        f"{header['processor']}, {header['cores']} cores; {packages}; {header['date']}"
+    )
+
+
+def processor() -> str:
+    """Name of the processor, as far as the system tells."""
+    listing = Path("/proc/cpuinfo")
+    if listing.exists():
+        for line in listing.read_text(encoding="utf-8").splitlines():
+            name, _, value = line.partition(":")
+            if name.strip() == "model name":
+                return value.strip()
+    return platform.processor() or platform.machine()
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue  # an extra, or a driver that is installed otherwise
+    return found

@@ -1,0 +1,113 @@
+"""What can only be seen in a process of its own: compilation with empty caches, and peak memory.
+
+``python -m persfs_cl.bench.fresh WHAT ...`` prints a JSON object; :func:`run_fresh` starts it and reads that.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import persfs_cl as ps
+from persfs_cl.bench.subjects import smooth_image
+from persfs_cl.errors import PersfsError
+
+_ITERATIONS = 4
+
+
+class FreshProcessError(PersfsError):
+    """A measurement in a process of its own failed; the message holds what it said."""
+
+
+def run_fresh(*arguments: str, environment: Mapping[str, str] | None = None) -> dict[str, float]:
+    """Run this module in a new interpreter.
+
+    Raises
+    ------
+    FreshProcessError
+        When it fails.
+    """
+    command = [sys.executable, "-m", "persfs_cl.bench.fresh", *arguments]
+    # Where the package lies in the working directory, a new interpreter must find it there too.
+    search = os.pathsep.join(path for path in sys.path if path)
+    done = subprocess.run(
+        command,
+        env={**os.environ, "PYTHONPATH": search, **(environment or {})},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise FreshProcessError(f"{' '.join(arguments)} failed in a process of its own:\n{done.stderr.strip()}")
+    values: dict[str, float] = json.loads(done.stdout)
+    return values
+
+
+def cache_folders(folder: Path) -> dict[str, str]:
+    """Environment that moves every cache of compiled kernels into a folder."""
+    names = ("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH")
+    for name in names:
+        (folder / name).mkdir(exist_ok=True)
+    return {name: str(folder / name) for name in names}
+
+
+def compilation(device: int, ordering: str, precision: str) -> dict[str, float]:
+    """Seconds of the first reconstruction in this process, and of the second, of a tiny image."""
+    first, second = (_seconds(16, device, ordering, precision) for _ in range(2))
+    return {"first": first, "second": second}
+
+
+def memory(device: int, size: int, precision: str) -> dict[str, float]:
+    """Peak memory of this process in bytes, before and after the reconstruction of one image."""
+    compilation(device, "wavefront", precision)
+    before = peak_memory()
+    _seconds(size, device, "wavefront", precision)
+    return {"before": before, "peak": peak_memory()}
+
+
+def _seconds(size: int, device: int, ordering: str, precision: str) -> float:
+    image, camera = smooth_image(size), ps.Camera(float(size))
+    began = time.perf_counter()
+    ps.reconstruct(
+        image,
+        camera,
+        device=device,
+        ordering=ordering,
+        precision=precision,
+        max_iterations=_ITERATIONS,
+        tolerance=0.0,
+    )
+    return time.perf_counter() - began
+
+
+def peak_memory() -> int:
+    """Largest memory that this process has had so far, in bytes."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        # Linux hands its getrusage figure down from the process that started this one.
+        for line in status.read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    import resource  # noqa: PLC0415 - not at the top, for Windows has none
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _main(what: str, device: str, *rest: str) -> None:
+    if what == "compilation":
+        ordering, precision = rest
+        values = compilation(int(device), ordering, precision)
+    else:
+        size, precision = rest
+        values = memory(int(device), int(size), precision)
+    sys.stdout.write(json.dumps(values))
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])

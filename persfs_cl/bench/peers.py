@@ -1,0 +1,148 @@
+"""Yardsticks: the same sweep by other means, to be measured in the same run."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl._cl.launches import DIRECTIONS, Grid
+from persfs_cl.bench import lexicographic
+from persfs_cl.errors import PersfsError
+from persfs_cl.problem import Problem
+from persfs_cl.reference import Reference
+
+_SOURCE = Path(__file__).with_name("lexicographic.c")
+# Without contraction, which some compilers do unasked on some processors, the bits are those of the kernels.
+_FLAGS = ("-O3", "-ffp-contract=off", "-shared", "-fPIC")
+
+
+class UnavailableError(PersfsError):
+    """A yardstick cannot be had here; the message says why, and what would bring it."""
+
+
+@dataclass
+class Peer:
+    """A sweep by other means, and its own copy of the values.
+
+    Attributes
+    ----------
+    log_depth : ndarray, shape (height, width)
+        Changed in place.
+    sweep : callable
+        Takes the direction, 0 to 3, as :data:`persfs_cl._cl.launches.DIRECTIONS` has them.
+    detail : str
+        How it was made.
+    """
+
+    log_depth: NDArray[np.floating]
+    sweep: Callable[[int], None]
+    detail: str
+
+    def work(self, count: int) -> None:
+        """So many sweeps, in all directions in turn."""
+        for number in range(count):
+            self.sweep(number % 4)
+
+
+def plain_c(grid: Grid, precision: str) -> Peer:
+    """The plain double loop in C, compiled on the spot.
+
+    Parameters
+    ----------
+    grid : Grid
+        With every pixel on the frame known.
+    precision : {"float32", "float64"}
+
+    Raises
+    ------
+    UnavailableError
+        When there is no C compiler, or it fails.
+    """
+    function, detail = _compiled(precision)
+    arrays = _arrays(grid, precision)
+
+    def sweep(number: int) -> None:
+        function(*(array.ctypes.data for array in arrays), *arrays[0].shape, *DIRECTIONS[number])
+
+    return Peer(arrays[0], sweep, detail)
+
+
+def numba_loop(grid: Grid, precision: str) -> Peer:
+    """The same double loop in Python, compiled by numba.
+
+    Raises
+    ------
+    UnavailableError
+        When numba is not installed.
+    """
+    function, detail = _jitted()
+    arrays = _arrays(grid, precision)
+    # As numbers of the arrays' own type, since a literal would make everything double.
+    one, half = arrays[0].dtype.type(1), arrays[0].dtype.type(0.5)
+
+    def sweep(number: int) -> None:
+        function(*arrays, *DIRECTIONS[number], one, half)
+
+    return Peer(arrays[0], sweep, detail)
+
+
+def numpy_diagonals(problem: Problem) -> Peer:
+    """The twin in NumPy, float64, one anti-diagonal at a time."""
+    twin = Reference(
+        log_depth=problem.start.copy(),
+        brightness=problem.image,
+        flags=problem.domain.flags,
+        boundary=problem.domain.boundary,
+        grid=problem.grid,
+        light=problem.light,
+        sign=problem.sign,
+        max_slope=problem.max_slope,
+    )
+    return Peer(twin.log_depth, lambda number: twin.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64")
+
+
+def _arrays(grid: Grid, precision: str) -> list[NDArray[np.floating]]:
+    """What both loops take, each a C-contiguous copy."""
+    given = (grid.log_depth, grid.marked_brightness, grid.x_axis, grid.y_axis, np.asarray(grid.parameters))
+    return [np.array(array, precision, order="C") for array in given]
+
+
+@functools.cache
+def _jitted() -> tuple[Any, str]:
+    try:
+        import numba
+    except ImportError as error:
+        raise UnavailableError(f"numba cannot be imported ({error}): pip install 'persfs-cl[bench]'.") from error
+    return numba.njit(lexicographic.sweep), f"numba {numba.__version__}"
+
+
+@functools.cache
+def _compiled(precision: str) -> tuple[Any, str]:
+    compiler = shlex.split(os.environ.get("CC", "")) or ["cc"]
+    if shutil.which(compiler[0]) is None:
+        raise UnavailableError(f"there is no C compiler {compiler[0]!r}: install one, or name it in the variable CC.")
+    real = {"float32": "float", "float64": "double"}[precision]
+    with tempfile.TemporaryDirectory(prefix="persfs-cl-") as folder:
+        library = Path(folder) / "lexicographic.so"
+        command = [*compiler, *_FLAGS, f"-DREAL={real}", str(_SOURCE), "-o", str(library), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise UnavailableError(f"{shlex.join(command)} failed: {done.stderr.strip()}")
+        # The system keeps a loaded library although its file is deleted.
+        function = ctypes.CDLL(str(library)).sweep
+    function.argtypes = [ctypes.c_void_p] * 5 + [ctypes.c_int] * 4
+    function.restype = None
+    version = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
+    return function, f"{' '.join(_FLAGS[:2])}, {version.partition(chr(10))[0]}"

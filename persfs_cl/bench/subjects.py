@@ -1,0 +1,116 @@
+"""What is measured: sweeps of the library on a device, on images made for the purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.launches import Grid, Sweeper, Tuning
+from persfs_cl._cl.probes import device_seconds
+from persfs_cl.bench.timing import Work
+from persfs_cl.camera import Camera
+from persfs_cl.light import ParallelLight
+from persfs_cl.problem import Problem, prepare
+
+# Oblique, so that no term of the equation vanishes.
+_LIGHT = ParallelLight(0.2, -0.1)
+_MAX_SLOPE = 30.0
+# A change is never negative: the tolerance is never met, so that no image rests while it is measured.
+_NEVER = -1.0
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Something to be timed.
+
+    Attributes
+    ----------
+    name : str
+    work : Work
+        Its units are sweeps.
+    cells : int
+        Cells that a unit updates.
+    detail : str
+        How it is done.
+    """
+
+    name: str
+    work: Work
+    cells: int
+    detail: str
+
+
+def smooth_image(size: int) -> NDArray[np.float64]:
+    """A square image with waves of brightness."""
+    wave = np.sin(np.linspace(0.0, 7.0, size))
+    return 0.75 + 0.2 * wave[:, None] * wave
+
+
+def smooth_problem(size: int) -> Problem:
+    """That image with a known frame: every other pixel is swept."""
+    image, camera = smooth_image(size), Camera(float(size))
+    return prepare(image, camera, None, None, None, _LIGHT, "away", "fixed", _MAX_SLOPE)
+
+
+def swept_cells(problem: Problem) -> int:
+    """Cells that a sweep updates."""
+    return int(problem.domain.solved.sum())
+
+
+def sweeper(
+    device: Device,
+    grids: Sequence[Grid],
+    ordering: str,
+    precision: str,
+    tuning: Tuning | None = None,
+) -> Sweeper:
+    """The images on the device; they never rest."""
+    return Sweeper(
+        device,
+        grids,
+        model="parallel_light",
+        scheme="lax_friedrichs",
+        ordering=ordering,
+        precision=precision,
+        tolerance=_NEVER,
+        tuning=tuning,
+    )
+
+
+def iterations(name: str, sweeps: Sweeper, cells: int) -> Subject:
+    """Whole iterations: four sweeps and the search for the largest change, queued together."""
+
+    def work(count: int) -> float:
+        before = sweeps.kernel_seconds
+        sweeps.run(max(1, count // 4))
+        return sweeps.kernel_seconds - before
+
+    return Subject(name, work, cells * sweeps.count, described(sweeps.tuning))
+
+
+def sweeps_alone(name: str, device: Device, sweeps: Sweeper, cells: int) -> Subject:
+    """Sweeps in all four directions in turn, and nothing else."""
+
+    def work(count: int) -> float:
+        return device_seconds(device, lambda: [sweeps.sweep(number % 4) for number in range(count)])
+
+    return Subject(name, work, cells * sweeps.count, described(sweeps.tuning))
+
+
+def steps_by_sweeps(sweeps: Sweeper) -> bool:
+    """Whether single sweeps can be queued: one variant runs whole iterations only."""
+    return sweeps.tuning.variant != "wavefront_images"
+
+
+def described(tuning: Tuning) -> str:
+    """A tuning in words."""
+    parts = [tuning.variant]
+    if tuning.lanes > 1:
+        parts.append(f"{tuning.lanes} lanes")
+    if tuning.in_strips:
+        parts += [f"bands: {tuning.bands}", f"groups: {tuning.work_groups}"]
+    return ", ".join(parts)

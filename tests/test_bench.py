@@ -1,0 +1,286 @@
+"""The bench: what it measures with, what it measures against, and what it leaves behind. No test looks at a time."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+import imageio.v3
+import numpy as np
+import pytest
+from test_cli import run
+
+import persfs_cl as ps
+from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl.bench import experiments, peers, plots
+from persfs_cl.bench.experiments import EXPERIMENTS
+from persfs_cl.bench.fresh import FreshProcessError, run_fresh
+from persfs_cl.bench.peers import Peer, UnavailableError
+from persfs_cl.bench.plan import Plan
+from persfs_cl.bench.rates import PLAIN_C, measured
+from persfs_cl.bench.results import Record, write_csv, write_json
+from persfs_cl.bench.subjects import Subject
+from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
+from persfs_cl.problem import Problem, prepare
+
+
+class FakeClock:
+    """Stands still, except while something works."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.log: list[tuple[str, int]] = []
+
+    def __call__(self) -> float:
+        return self.now
+
+    def work(self, name: str, seconds: Iterator[float], *, share: float | None = None) -> Work:
+        """Work whose units take the given seconds, one value a run; `share` of them on the device."""
+
+        def do(count: int) -> float | None:
+            took = count * next(seconds)
+            self.now += took
+            self.log.append((name, count))
+            return None if share is None else share * took
+
+        return do
+
+
+def always(seconds: float) -> Iterator[float]:
+    while True:
+        yield seconds
+
+
+def test_warm_up_leaves_out_the_first_run_and_finds_a_long_enough_count() -> None:
+    clock = FakeClock()
+    first_is_slow = iter([1000.0, *[0.001] * 100])
+    count = warm_up(clock.work("a", first_is_slow), least_seconds=0.1, step=4, clock=clock)
+    assert count % 4 == 0
+    assert 0.1 <= 0.001 * count <= 0.2
+    assert clock.log[0] == ("a", 4)
+
+
+def test_warm_up_is_content_with_one_long_step() -> None:
+    clock = FakeClock()
+    assert warm_up(clock.work("a", always(5.0)), least_seconds=0.1, step=4, clock=clock) == 4
+    assert len(clock.log) == 2
+
+
+def test_warm_up_ends_though_the_clock_stands_still() -> None:
+    assert warm_up(lambda _count: None, least_seconds=0.1, step=1, clock=lambda: 0.0) < 10**8
+
+
+def test_works_take_turns_and_their_repeats_stay_in_order() -> None:
+    clock = FakeClock()
+    # A warm-up run and a calibrating run, then the rounds.
+    slow = clock.work("slow", iter([9.0, 1.0, 3.0, 1.0, 2.0]), share=0.5)
+    timings = take_turns(
+        {"slow": slow, "fast": clock.work("fast", always(0.25))}, repeats=3, least_seconds=1.0, clock=clock
+    )
+    assert timings["slow"].wall == (3.0, 1.0, 2.0)
+    assert timings["slow"].device == (1.5, 0.5, 1.0)
+    assert timings["fast"].wall == (0.25, 0.25, 0.25)
+    assert timings["fast"].device == ()
+    assert [name for name, _ in clock.log[-6:]] == ["slow", "fast"] * 3
+    assert Spread.of(timings["slow"].wall) == Spread(2.0, 1.0, 3.0, 3)
+    assert timings["slow"].rates(6.0) == [2.0, 6.0, 3.0]
+    assert timings["slow"].device_rates(6.0) == [4.0, 12.0, 6.0]
+
+
+def test_factors_are_taken_round_by_round(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disturbance that slows a whole round down leaves the factor as it is."""
+    clock = FakeClock()
+    monkeypatch.setattr(
+        "persfs_cl.bench.rates.take_turns", lambda works, **options: take_turns(works, clock=clock, **options)
+    )
+    disturbed = [1.0, 1.0, 1.0, 10.0, 100.0]
+    ours = Subject("ours", clock.work("ours", iter(disturbed)), 100, "")
+    plain = Subject(PLAIN_C, clock.work("plain", iter(4.0 * second for second in disturbed)), 50, "")
+    plan = Plan(device, repeats=3, least_seconds=0.0)
+    first, second = measured(plan, "sizes", 10, "float32", [ours, plain], images=2)
+    assert (first.factor, second.factor) == (8.0, 1.0)
+    assert first.median == pytest.approx(100e-6 / 10.0)
+    assert (first.images, second.images) == (2, 1)
+
+
+def framed_problem(seed: int, shape: tuple[int, int], surface: str) -> Problem:
+    """Noise with a known frame and known values inside."""
+    random = np.random.default_rng(seed)
+    known = np.where(random.uniform(size=shape) > 0.9, random.uniform(0.8, 1.2), np.nan)
+    known[[0, -1]] = known[:, [0, -1]] = 1.0
+    known[1, 1] = np.nan
+    image, camera, light = random.uniform(0.2, 1.0, shape), ps.Camera(shape[1] + 7.0), ps.ParallelLight(0.3, -0.2)
+    return prepare(image, camera, None, None, known, light, surface, "fixed", 30.0)
+
+
+@pytest.mark.parametrize("make", [peers.plain_c, peers.numba_loop])
+@pytest.mark.parametrize("surface", ["away", "toward"])
+def test_yardsticks_give_the_bits_of_the_lexicographic_sweep(
+    device: ps.Device, precision: str, make: Callable[[Grid, str], Peer], surface: str
+) -> None:
+    if not device.is_pocl:
+        pytest.skip(f"{device} fuses multiply-adds, which plain C does not")
+    for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
+        grid = framed_problem(seed, shape, surface).numbers
+        try:
+            peer = make(grid, precision)
+        except UnavailableError as reason:
+            pytest.skip(str(reason))
+        sweeps = Sweeper(
+            device,
+            [grid],
+            model="parallel_light",
+            scheme="lax_friedrichs",
+            ordering="lexicographic",
+            precision=precision,
+        )
+        for number in range(8):
+            before = peer.log_depth.copy()
+            sweeps.sweep(number % 4)
+            peer.sweep(number % 4)
+            np.testing.assert_array_equal(peer.log_depth, sweeps.log_depth()[0])
+            assert number > 0 or (peer.log_depth < before).any(), "something must have moved"
+
+
+def test_a_missing_or_failing_compiler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    grid = framed_problem(1, (5, 5), "away").numbers
+    peers._compiled.cache_clear()
+    for compiler, reason in (("no-such-compiler", "no C compiler 'no-such-compiler'"), ("false", "failed")):
+        monkeypatch.setenv("CC", compiler)
+        with pytest.raises(UnavailableError, match=reason):
+            peers.plain_c(grid, "float32")
+
+
+def test_a_failing_process_is_told() -> None:
+    with pytest.raises(FreshProcessError, match="memory 0 nonsense"):
+        run_fresh("memory", "0", "nonsense", "float32")
+
+
+RECORDS = [
+    Record.of([3.0, 1.0, 2.0], experiment="sizes", subject="a", quantity="rate", unit="Mc/s", size=64, images=1,
+              precision="float32", by_device=2.5, factor=1 / 3, detail='with "quotes", commas\nand two lines'),
+    Record("sizes", "b", "rate", "Mc/s", 64, 1, "float32", detail="skipped: ü"),
+]  # fmt: skip
+
+
+def test_records_survive_json(tmp_path: Path) -> None:
+    write_json(tmp_path / "r.json", {"date": "today"}, RECORDS)
+    content = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert content["header"] == {"date": "today"}
+    assert [Record(**entry) for entry in content["records"]] == RECORDS
+
+
+def test_records_survive_csv(tmp_path: Path) -> None:
+    write_csv(tmp_path / "r.csv", RECORDS)
+    kinds: dict[str, type] = {"size": int, "images": int, "repeats": int, "iteration": int}
+    kinds |= dict.fromkeys(("median", "lowest", "highest", "by_device", "factor"), float)
+    with (tmp_path / "r.csv").open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    read = [
+        {name: kinds.get(name, str)(text) if text or name == "detail" else None for name, text in line.items()}
+        for line in lines
+    ]
+    assert read == [asdict(record) for record in RECORDS]
+    assert list(lines[0]) == [field.name for field in fields(Record)]
+
+
+def test_plots_that_the_records_do_not_allow_go(tmp_path: Path) -> None:
+    (tmp_path / "scaling.png").write_bytes(b"old")
+    bar = replace(RECORDS[0], experiment="orderings")
+    assert plots.draw(tmp_path, [bar, *RECORDS[1:]], "foot") == [tmp_path / "yardsticks.png"]
+    assert [path.name for path in tmp_path.iterdir()] == ["yardsticks.png"]
+
+
+def load(folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((folder / "bench.json").read_text(encoding="utf-8"))
+    return content
+
+
+def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    settings = ("--quick", "--sizes", "64", "--batch", "1,3", "--repeats", "2", "-o", folder)
+    in_process = [name for name in EXPERIMENTS if name not in ("compilation", "memory")]
+    outcome = run("bench", *settings, *(part for name in in_process for part in ("--experiment", name)))
+    assert outcome.status == 0
+    names = ("bench.json", "bench.csv", "scaling.png", "yardsticks.png", "convergence.png")
+    assert outcome.stdout.splitlines()[-len(names) :] == [str(folder / name) for name in names]
+    content = load(folder)
+    records = [Record(**entry) for entry in content["records"]]
+    assert list(dict.fromkeys(record.experiment for record in records)) == in_process
+    for record in records:
+        if record.median is None:
+            assert record.detail.startswith("skipped: ")
+        else:
+            assert record.lowest is not None
+            assert record.highest is not None
+            assert 0 < record.lowest <= record.median <= record.highest
+    assert {record.images for record in records if record.experiment == "batch"} == {1, 3}
+    header = content["header"]
+    assert header["device"]["driver_version"]
+    assert header["versions"]["persfs-cl"] == ps.__version__
+    assert header["processor"]
+    assert header["cores"] >= 1
+    with (folder / "bench.csv").open(newline="", encoding="utf-8") as file:
+        assert len(list(csv.DictReader(file))) == len(records)
+    for name in names[2:]:
+        assert imageio.v3.imread(folder / name).std() > 1
+
+
+def test_experiments_in_processes_of_their_own(device: ps.Device) -> None:
+    plan = Plan(device, sizes=(64,), orderings=("wavefront",), repeats=1)
+    (builds,) = experiments.compilation(plan)
+    assert [record.quantity for record in builds] == ["build, empty caches", "build, filled caches"]
+    (sizes,) = experiments.memory(plan)
+    by_quantity = {record.quantity: record.median or 0.0 for record in sizes}
+    assert by_quantity["peak memory"] >= by_quantity["before the image"] > 10
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "message"),
+    [(KeyboardInterrupt(), 130, "1 records were kept"), (ps.DeviceError("gone"), 3, "gone")],
+)
+def test_what_was_measured_is_kept(
+    error: BaseException, status: int, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken_off(_plan: Plan) -> Iterator[list[Record]]:
+        yield RECORDS[:1]
+        raise error
+
+    monkeypatch.setitem(EXPERIMENTS, "sizes", broken_off)
+    outcome = run("bench", "--experiment", "sizes", "--experiment", "memory", "-o", tmp_path)
+    assert outcome.status == status
+    assert message in outcome.stderr
+    assert [Record(**entry) for entry in load(tmp_path)["records"]] == RECORDS[:1]
+    assert "Mc/s" in outcome.stdout, "the table is printed too"
+    assert (tmp_path / "bench.csv").exists()
+    assert (tmp_path / "scaling.png").exists()
+
+
+def test_nothing_is_written_when_nothing_was_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_plan: Plan) -> Iterator[list[Record]]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(EXPERIMENTS, "sizes", interrupted)
+    assert run("bench", "--experiment", "sizes", "-o", tmp_path / "out").status == 130
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--experiment", "nonsense"),
+        ("--sizes", "64,x"),
+        ("--sizes", "1"),
+        ("--batch", "0"),
+        ("--orderings", "wavefront,spiral"),
+        ("--repeats", "0"),
+    ],
+)
+def test_a_wrong_option_is_told(option: str, value: str) -> None:
+    outcome = run("bench", option, value)
+    assert outcome.status == 2
+    assert option in outcome.stderr
