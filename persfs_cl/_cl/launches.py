@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -114,10 +115,11 @@ class Tuning:
         if not on_cpu:
             return cls("wavefront_tiles")
         pixels = shape[0] * shape[1]
-        enough_for_all = images >= device.compute_units and pixels <= _CACHED_PIXELS
-        if enough_for_all or pixels <= _SMALL_PIXELS:
-            return cls("wavefront_images", _CPU_LANES, _BANDS, min(images, device.compute_units))
-        return cls("wavefront_strips", _CPU_LANES, _BANDS, device.compute_units)
+        # A group that waits keeps its processor: with fewer processors than groups the one waited for would not run.
+        groups = min(device.compute_units, _processors())
+        if pixels <= _SMALL_PIXELS or (images >= groups and pixels <= _CACHED_PIXELS):
+            return cls("wavefront_images", _CPU_LANES, _BANDS, min(images, groups))
+        return cls("wavefront_strips", _CPU_LANES, _BANDS, groups)
 
     @property
     def definitions(self) -> dict[str, int]:
@@ -480,6 +482,12 @@ def render(
         )
         cl.enqueue_copy(device.queue, result, brightness)
     return result
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _numbers(parameters: Sequence[float]) -> NDArray[np.float64]:

@@ -32,7 +32,7 @@ class Plan:
     batch: tuple[int, ...] = (1, 4, 16, 64)
     orderings: tuple[str, ...] = ("wavefront", "checkerboard", "lexicographic")
     precision: str = "float32"
-    repeats: int = 7
+    repeats: int = 5
     least_seconds: float = 0.05
 
     def size(self, wanted: int = _STANDARD_SIZE) -> int:
