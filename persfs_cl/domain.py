@@ -211,12 +211,14 @@ def _boundary(reached: Mask, known: Mask, present: Mask) -> Boundary:
     """Choose the cells that eq. (12) renews.
 
     A rim cell looks inwards along each axis on which just one neighbour is missing. Cells that no chain of looks
-    joins to a swept cell (strips of one or two pixels), and cells beside a known value, are swept like all others.
+    joins to a swept cell (strips of one or two pixels) are swept like all others, and so are those beside known values
+    that no inner cell would hear: a known corner of the image, say.
     """
     height, width = reached.shape
     beside = Neighbours.of(present)
     on_rim = reached & ~beside.all
-    rows, columns = np.nonzero(on_rim & ~Neighbours.of(known).any)
+    heard = connected(known & Neighbours.of(reached & ~on_rim).any, known)
+    rows, columns = np.nonzero(on_rim & ~Neighbours.of(known & ~heard).any)
     index = rows * width + columns
 
     looks = []

@@ -98,7 +98,7 @@ def test_strips_of_two_pixels_are_swept_because_looking_inwards_would_go_in_circ
     assert ((layout.flags & SWEPT) != 0).sum() == 13
 
 
-def test_cells_beside_a_known_value_are_swept_so_that_it_is_heard() -> None:
+def test_cells_beside_a_known_corner_are_swept_so_that_it_is_heard() -> None:
     known = no((6, 6))
     known[0, 0] = True
     layout = lay_out(yes((6, 6)), known, no((6, 6)), "outflow")
@@ -106,6 +106,15 @@ def test_cells_beside_a_known_value_are_swept_so_that_it_is_heard() -> None:
     assert swept[0, 1]
     assert swept[1, 0]
     assert not swept[0, 2]
+
+
+def test_cells_beside_a_known_value_that_inner_cells_hear_are_renewed() -> None:
+    known = no((6, 6))
+    known[:, 0] = True
+    layout = lay_out(yes((6, 6)), known, no((6, 6)), "outflow")
+    swept = (layout.flags & SWEPT) != 0
+    assert swept[1:-1, 1:-1].all()
+    assert not swept[0].any()
 
 
 def test_pieces_without_a_known_value_are_unreached() -> None:

@@ -37,6 +37,15 @@ def test_vase_is_at_least_as_good_as_the_paper_says(device: ps.Device, precision
     assert solution.iterations == 30
 
 
+def test_vase_with_an_open_frame_is_closed_by_eq_12() -> None:
+    scene = ps.vase(known="background")
+    solution = solve(scene, ordering="checkerboard", max_iterations=30, tolerance=0.0)
+    errors = ps.compare(solution.depth - 1.0, scene.depth - 1.0, align="range")
+    assert errors.mean <= 0.019
+    assert errors.root_mean_square <= 0.037
+    assert solution.depth.max() < scene.depth.max(), "no dark pixel on the edge may run away"
+
+
 @pytest.mark.parametrize(
     ("make", "light"),
     [
