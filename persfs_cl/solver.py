@@ -50,6 +50,7 @@ def reconstruct(
     boundary: str = "auto",
     scheme: str = "auto",
     ordering: str = "wavefront",
+    accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
     max_slope: float = 30.0,
@@ -88,6 +89,8 @@ def reconstruct(
         Order of the cells in a sweep. "wavefront" gives the bits of "lexicographic", in parallel; "checkerboard" other
         iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under
         eq. (12) the limit may differ a little, and with "extrapolate" much.
+    accuracy_order : int
+        1: the Lax-Friedrichs scheme is of first order.
     max_iterations : int
         Iterations of four sweeps at most.
     tolerance : float
@@ -131,6 +134,7 @@ def reconstruct(
         boundary=boundary,
         scheme=scheme,
         ordering=ordering,
+        accuracy_order=accuracy_order,
         max_iterations=max_iterations,
         tolerance=tolerance,
         max_slope=max_slope,
@@ -154,6 +158,7 @@ def reconstruct_batch(
     boundary: str = "auto",
     scheme: str = "auto",
     ordering: str = "wavefront",
+    accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
     max_slope: float = 30.0,
@@ -178,7 +183,7 @@ def reconstruct_batch(
     callback : callable, optional
         Called as ``callback(iteration, change)`` with the largest change of the images that share launches and have
         not converged; returning True stops these, and all that have not begun.
-    light, reflectance, surface, boundary, scheme, ordering
+    light, reflectance, surface, boundary, scheme, ordering, accuracy_order
         As for :func:`reconstruct`, the same for all images.
     max_iterations, tolerance, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
@@ -194,7 +199,9 @@ def reconstruct_batch(
         When a list does not have one entry an image; otherwise as :func:`reconstruct`, naming the image.
     """
     began = time.perf_counter()
-    options = Options(surface, boundary, scheme, ordering, precision, max_iterations, tolerance, max_slope)
+    options = Options(
+        surface, boundary, scheme, ordering, precision, accuracy_order, max_iterations, tolerance, max_slope
+    )
     model = shading_model(light, reflectance)
     if callback is not None and not callable(callback):
         raise InputError(f"callback={callback!r} cannot be called: give a function of iteration and change.")
@@ -297,6 +304,7 @@ class Options:
     scheme: str
     ordering: str
     precision: str
+    accuracy_order: int
     max_iterations: int
     tolerance: float
     max_slope: float
@@ -305,6 +313,8 @@ class Options:
         for name, choices in _CHOICES.items():
             if (value := getattr(self, name)) not in choices:
                 raise InputError(f"{name}={value!r} is not a choice: use one of {', '.join(choices)}.")
+        if self.accuracy_order != 1:
+            raise InputError(f"accuracy_order={self.accuracy_order!r}: the Lax-Friedrichs scheme is of order 1 only.")
         count = self.max_iterations
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
             raise InputError(f"max_iterations={count!r}: give a whole number, at least 1.")
@@ -318,6 +328,7 @@ class Options:
     def report(self) -> dict[str, Any]:
         """All of them as plain values."""
         numbers = {
+            "accuracy_order": int(self.accuracy_order),
             "max_iterations": int(self.max_iterations),
             "tolerance": float(self.tolerance),
             "max_slope": float(self.max_slope),
