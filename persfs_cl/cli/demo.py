@@ -51,7 +51,7 @@ def demo(
     with writing():
         solution.save(folder, folder=True)
     typer.echo(f"""\
-The paper's vase, a synthetic image of known depth: {solution.iterations} iterations, the background known.
+The paper's vase, a synthetic image of known depth: {solution.iterations} iterations, background and frame known.
   Height, scaled to [0, 1]:   here       ME {errors.mean:.4f}, RS {errors.root_mean_square:.4f}
                               the paper  ME {_PAPER_VASE[0]}, RS {_PAPER_VASE[1]} (depth offset not stated)
   Look at {folder / "relief.png"}: as only what lies around it is known, the vase is found as a hollow.
