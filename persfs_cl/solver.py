@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.forward import shading_model
 from persfs_cl.light import ParallelLight
-from persfs_cl.problem import Problem, prepare
+from persfs_cl.problem import Problem, prepare, require_image
 from persfs_cl.reflectance import Lambertian
 from persfs_cl.solution import Elapsed, Solution, Status
 
@@ -218,20 +219,33 @@ def reconstruct_batch(
             raise InputError(f"{name} has {len(entries)} entries for {count} images: give one an image.")
     inputs: list[Any] = list(zip(given, *lists.values(), strict=True))
 
-    def prepared(number: int) -> Problem:
+    @contextmanager
+    def naming(number: int) -> Iterator[None]:
+        """Put the number of the image before the message of an error."""
         try:
-            image, camera, region, barriers, known = inputs[number]
-            return prepare(image, camera, region, barriers, known, light, surface, options.boundary, max_slope)
+            yield
         except (InputError, CameraError) as error:
             raise type(error)(f"images[{number}]: {error}" if count > 1 else str(error)) from None
 
+    def prepared(number: int) -> Problem:
+        with naming(number):
+            image, camera, region, barriers, known = inputs[number]
+            return prepare(image, camera, region, barriers, known, light, surface, options.boundary, max_slope)
+
     chosen = select_device(device)
     chosen.real(precision)
-    # All images once for their shapes: a bad one must not be found only after others have been solved.
-    shapes = [prepared(number).image.shape for number in range(count)] if count != 1 else [()]
+    shapes = []
+    for number, image in enumerate(given):
+        with naming(number):
+            shapes.append(require_image(image).shape)
+    pieces = list(_pieces(shapes, chosen, precision))
+    if len(pieces) > 1:
+        # A bad image must not be found only after others have been solved.
+        for number in range(count):
+            prepared(number)
     solutions: list[Solution | None] = [None] * count
     stopped = False
-    for members in _pieces(shapes, chosen, precision):
+    for members in pieces:
         problems = [prepared(number) for number in members]
         build_began = time.perf_counter()
         sweeper = Sweeper(

@@ -12,15 +12,14 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.layout import NONE, Layout
+from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.program import program
+from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.errors import DeviceError
 
 DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """The four sweeps as (leftwards, upwards), in the paper's order."""
 
-_SWEPT = 1
-_MISSING = 2 | 4 | 8 | 16
 _PARAMETERS = 16
 _CPU_LANES = 8
 _BANDS = 4
@@ -63,10 +62,10 @@ class Grid:
     @property
     def marked_brightness(self) -> NDArray[np.floating]:
         """E as the kernels read it: NaN where not swept, with its sign set where a neighbour is missing."""
-        swept = (self.flags & _SWEPT) != 0
+        swept = (self.flags & SWEPT) != 0
         marked = np.where(swept, self.brightness, np.nan)
         # Not so the others: a NaN with its sign set would send its whole block the slow way.
-        on_rim = swept & ((self.flags & _MISSING) != 0)
+        on_rim = swept & ((self.flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
         marked[on_rim] = -marked[on_rim]
         return marked
 
@@ -75,7 +74,7 @@ class Grid:
         """Pixels left, right, up and down of each boundary cell, or NONE; shape (cells, 4)."""
         width = self.flags.shape[1]
         flags = self.flags.ravel()[self.cells]
-        steps = ((2, -1), (4, 1), (8, -width), (16, width))
+        steps = ((NO_LEFT, -1), (NO_RIGHT, 1), (NO_UP, -width), (NO_DOWN, width))
         return np.stack([np.where(flags & bit, NONE, self.cells + step) for bit, step in steps], axis=1)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-NONE = -1
+from persfs_cl.domain import NONE
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Layout:
         return lines[:, self._columns]
 
     def cells(self, pixels: NDArray[np.integer]) -> NDArray[np.int32]:
-        """Stored indices of flat pixel indices; :data:`NONE` stays."""
+        """Stored indices of flat pixel indices; :data:`persfs_cl.domain.NONE` stays."""
         rows, columns = np.divmod(pixels, self.width)
         stored = (rows + self.first_row) * self.stride + self._columns[columns]
         return np.where(pixels == NONE, NONE, stored).astype(np.int32)

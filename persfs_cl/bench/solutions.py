@@ -107,7 +107,7 @@ def _fast_marching(scene: ps.Scene) -> Solver:
 
     def solve() -> Outcome:
         travelled = np.asarray(skfmm.travel_time(front, speed, dx=[grid.dy, grid.dx]))
-        return Outcome(np.exp(level + sign * travelled), "the true |grad Z| given", None)
+        return Outcome(np.exp(level + sign * travelled), "the true slope given", None)
 
     return solve
 
