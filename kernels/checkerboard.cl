@@ -18,12 +18,13 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
                     __global const float *changes,     /* see prelude                                         */
                     const int iteration,               /* index into changes                                  */
                     const float tolerance,             /* on max |dZ|                                         */
+                    const int images,                  /* of this run                                         */
                     const int rows,                    /* stored rows, padding included                       */
                     const int stride,                  /* stored columns, padding included                    */
                     const int colour)                  /* parity of stored row + column of the cells          */
 {
     const int image = (int)get_global_id(2);
-    if (finished(changes, iteration, image, (int)get_global_size(2), tolerance))
+    if (finished(changes, iteration, image, images, tolerance))
         return;
     const int row = 1 + (int)get_global_id(1);
     const int half_stride = stride / 2;

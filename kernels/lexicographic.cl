@@ -11,6 +11,7 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
                     __global const float *changes,     /* see prelude                                         */
                     const int iteration,               /* index into changes                                  */
                     const float tolerance,             /* on max |dZ|                                         */
+                    const int images,                  /* of this run                                         */
                     const int rows,                    /* stored rows, padding included                       */
                     const int stride,                  /* stored columns, padding included                    */
                     const int first_row,               /* of the image within its padding                     */
@@ -21,7 +22,7 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
                     const int upwards)                 /* 1: rows from the bottom                             */
 {
     const int image = (int)get_global_id(0);
-    if (finished(changes, iteration, image, (int)get_global_size(0), tolerance))
+    if (finished(changes, iteration, image, images, tolerance))
         return;
     real numbers[PARAMETERS];
     copy_parameters(numbers, parameters, image);

@@ -9,9 +9,10 @@ __kernel void measure(__global const real *log_depth, /* shape (images, size)   
                       __global float *changes,        /* see prelude; zero for this iteration on entry             */
                       const int iteration,            /* index into changes                                        */
                       const float tolerance,          /* on max |dZ|                                               */
+                      const int images,               /* of this run                                               */
                       const int size)                 /* stored cells of an image                                  */
 {
-    const int image = (int)get_global_id(1), images = (int)get_global_size(1);
+    const int image = (int)get_global_id(1);
     if (finished(changes, iteration, image, images, tolerance))
         return;
     const size_t begin = (size_t)image * (size_t)size, items = get_global_size(0);

@@ -4,7 +4,7 @@
  * LANES       1 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an integer
  *             of the same width. The functions of model, scheme and cell are written for any number of lanes.
  * FUSED       1: multiply-add is one fused operation; 0: a product and a sum, where the former is a function call.
- * FAST_SQRT   1: the compiler's own square root, where the library's is a function call.
+ * BUILTINS    1: the compiler's own functions for what the library lacks or does by a call: square root, prefetch.
  *
  * Contraction is off and every fused multiply-add is written out, so that two orderings compiled from the same cell
  * update give the same bits on a device.
@@ -59,16 +59,23 @@ typedef int integer;
 #define multiply_subtract_from(c, a, b) ((c) - (a) * (b))
 #endif
 
-#if FAST_SQRT && USE_DOUBLE
+#if BUILTINS && USE_DOUBLE
 #define ROOT __builtin_sqrt
-#elif FAST_SQRT
+#elif BUILTINS
 #define ROOT __builtin_sqrtf
 #else
 #define ROOT sqrt
 #endif
+
+#if BUILTINS
+#define PREFETCH(address) __builtin_prefetch((__global const void *)(address))
+#else
+#define PREFETCH(address)
+#endif
+
 static inline number root(const number a)
 {
-#if LANES == 8 && FAST_SQRT
+#if LANES == 8 && BUILTINS
     return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3), ROOT(a.s4), ROOT(a.s5), ROOT(a.s6), ROOT(a.s7));
 #else
     return ROOT(a);

@@ -12,12 +12,13 @@ __kernel void renew_boundary(__global real *log_depth,        /* shape (images, 
                              __global const float *changes,   /* see prelude                              */
                              const int iteration,             /* index into changes                       */
                              const float tolerance,           /* on max |dZ|                              */
+                             const int images,                /* of this run                              */
                              const int size,                  /* stored cells of an image                 */
                              const int linear,                /* 1: extrapolate, 0: outflow               */
                              const float lowest)              /* floor of the linear extrapolation        */
 {
     const int image = (int)get_global_id(1);
-    if (finished(changes, iteration, image, (int)get_global_size(1), tolerance))
+    if (finished(changes, iteration, image, images, tolerance))
         return;
     __global real *values = log_depth + (size_t)image * (size_t)size;
     real numbers[PARAMETERS];

@@ -15,7 +15,9 @@
  * either side; the column table holds its numbers once more in reverse, shape (6, stride).
  */
 #define STRIP_ROWS (8 * BANDS)
-#define PATIENCE 200000000 /* polls */
+#define APART 32 /* from the progress of one strip to that of the next: not in one cache line, nor in a pair of them */
+#define AHEAD 24 /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
+#define LEAD 8   /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
 
 /* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
 static inline __attribute__((always_inline)) void transpose(number *vectors)
@@ -105,23 +107,33 @@ run_step(lanes *state, number right[BANDS][8], number shading[BANDS][8], const i
     }
 }
 
-/* `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says that
- * all strips are run by this work-item, in order: then nothing is waited for, and `failures` and `progress` are not used.
- * 0 is returned when patience has run out, here or elsewhere.
+/* Blocks of a strip. */
+static inline int blocks_of(const int width)
+{
+    return (width + STRIP_ROWS - 1 + 7) / 8;
+}
+
+/* Runs a strip from `first_block` on, as far as the strip before it allows: 1 is returned when the strip is done, 0 when
+ * it has been waited for in vain, POLLS times. All that a strip carries from block to block can be read from memory, so
+ * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
+ * `done_before` of them before this sweep.
+ *
+ * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says that
+ * all strips are run by this work-item, in order: then nothing is waited for, and `progress` is not used.
  */
 static inline __attribute__((always_inline)) int
 run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
           const real *parameters, __global const real *column_table, __global const real *row_table,
-          __global volatile int *failures, __global volatile int *progress, const int rows, const int stride,
-          const int first_row, const int first_column, const int height, const int width, const int leftwards,
-          const int upwards, const int strip, const int done_before, const int alone)
+          __global volatile int *progress, const int rows, const int stride, const int first_row,
+          const int first_column, const int height, const int width, const int leftwards, const int upwards,
+          const int strip, const int first_block, const int done_before, const int alone)
 {
-    const int blocks = (width + STRIP_ROWS - 1 + 7) / 8;
+    const int blocks = blocks_of(width);
     const long column_step = leftwards ? -1 : 1;
     const long row_step = upwards ? -(long)stride : (long)stride;
     const long skew = row_step - column_step;
     const long row = first_row + (upwards ? height - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
-    const long column = first_column + (leftwards ? width - 1 : 0);
+    const long column = first_column + (leftwards ? width - 1 - 8 * first_block : 8 * first_block);
     /* Where the first of eight steps lies in memory, seen from the cell of the step that comes first in time. */
     const long low = leftwards ? -7 : 0;
     /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
@@ -142,13 +154,14 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     }
 
     int ahead = strip > 0 && !alone ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
-    for (int block = 0; block < blocks; ++block) {
-        const int needed = done_before + min(block + STRIP_ROWS / 8 + 1, blocks);
-        for (int polls = 0; ahead < needed; ++polls) {
-            ahead = atomic_add(progress - 1, 0);
-            if (ahead < needed && (polls > PATIENCE || atomic_add(failures, 0) != 0)) {
-                atomic_inc(failures);
-                return 0;
+    for (int block = first_block; block < blocks; ++block) {
+        const int needed = block + STRIP_ROWS / 8 + 1;
+        if (ahead < done_before + min(needed, blocks)) {
+            const int wanted = done_before + min(needed + LEAD, blocks);
+            for (int polls = 0; ahead < wanted; ++polls) {
+                if (polls == POLLS)
+                    return 0;
+                ahead = atomic_add(progress - APART, 0);
             }
         }
         if (!alone)
@@ -161,6 +174,8 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
                 right[band][r] = LOAD(log_depth + at + column_step);
                 shading[band][r] = LOAD(brightness + at);
                 signs |= as_integer(shading[band][r]);
+                PREFETCH(log_depth + at + AHEAD * column_step);
+                PREFETCH(brightness + at + AHEAD * column_step);
             }
             transpose(right[band]);
             transpose(shading[band]);

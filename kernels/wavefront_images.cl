@@ -12,11 +12,11 @@ static inline void run_sweep(__global real *log_depth, __global const real *brig
 {
     for (int strip = 0; strip * STRIP_ROWS < height; ++strip) {
         if (leftwards)
-            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, 0, rows, stride, first_row,
-                      first_column, height, width, 1, upwards, strip, 0, 1);
+            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, rows, stride, first_row,
+                      first_column, height, width, 1, upwards, strip, 0, 0, 1);
         else
-            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, 0, rows, stride, first_row,
-                      first_column, height, width, 0, upwards, strip, 0, 1);
+            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, rows, stride, first_row,
+                      first_column, height, width, 0, upwards, strip, 0, 0, 1);
     }
 }
 
@@ -30,6 +30,7 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         __global float *changes,           /* see prelude; the rows of these iterations are written            */
         const int first_iteration,         /* index into changes                                               */
         const float tolerance,             /* on max |dZ|                                                      */
+        const int images,                  /* of this run                                                      */
         const int rows,                    /* stored rows, padding included                                    */
         const int stride,                  /* stored columns, padding included                                 */
         const int first_row,               /* of the image within its padding                                  */
@@ -39,7 +40,6 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         const int iterations,              /* to be done                                                       */
         __global volatile int *ticket,     /* shape (1,)                                                       */
         const int first_ticket,            /* drawn before this launch                                         */
-        const int images,                  /* in this launch                                                   */
         __global real *previous,           /* Z before an iteration, shape of log_depth                        */
         __global const int *counts,        /* this and the next four: see boundary.cl                          */
         __global const int *cells,

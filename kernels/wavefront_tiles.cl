@@ -1,5 +1,5 @@
 /* One sweep by anti-diagonals, bit for bit the lexicographic one: with the five-point stencil the cells of one
- * anti-diagonal do not read each other. The variant for devices whose work-groups must not wait for each other.
+ * anti-diagonal do not read each other. The variant for devices that want many work-items; no group waits for another.
  *
  * The grid is cut into tiles; the tiles of one anti-diagonal of tiles are independent too, and make one launch. A
  * work-group takes a tile, a work-item one row of it. In step s the item of row r updates column s - r of the tile, so
@@ -22,6 +22,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
       __global const float *changes,     /* see prelude                                         */
       const int iteration,               /* index into changes                                  */
       const float tolerance,             /* on max |dZ|                                         */
+      const int images,                  /* of this run                                         */
       const int rows,                    /* stored rows, padding included                       */
       const int stride,                  /* stored columns, padding included                    */
       const int first_row,               /* of the image within its padding                     */
@@ -33,8 +34,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
       const int tile_diagonal,           /* row + column of the tiles of this launch            */
       const int first_tile_row)          /* tile row of group 0                                 */
 {
-    const int image = (int)get_group_id(1);
-    if (finished(changes, iteration, image, (int)get_num_groups(1), tolerance))
+    const int image = (int)get_global_id(1);
+    if (finished(changes, iteration, image, images, tolerance))
         return;
     real numbers[PARAMETERS];
     copy_parameters(numbers, parameters, image);

@@ -34,8 +34,6 @@ _CHOICES = {
 
 _QUEUE_SECONDS = 0.03
 """Iterations are queued so many at a time as take about this long: few waits, and Ctrl-C is still heard at once."""
-_QUEUED_AT_LEAST = 4
-"""An image of a batch stays in the cache for the iterations that are queued together."""
 
 
 def reconstruct(
@@ -372,7 +370,7 @@ def _iterate(
     changes: list[list[float]] = [[] for _ in range(sweeper.count)]
     statuses = [Status.MAX_ITERATIONS] * sweeper.count
     active = set(range(sweeper.count))
-    iteration, queued = 0, 1 if callback else _QUEUED_AT_LEAST
+    iteration, queued = 0, 1 if callback else sweeper.queued_at_least
     while active and iteration < max_iterations:
         began = time.perf_counter()
         rows = sweeper.run(min(queued, max_iterations - iteration))
@@ -393,7 +391,7 @@ def _iterate(
         # A callback may stop the run after any iteration, so that with one none may be queued in advance.
         if callback is None:
             seconds = time.perf_counter() - began
-            queued = max(_QUEUED_AT_LEAST, min(4 * queued, int(queued * _QUEUE_SECONDS / seconds)))
+            queued = max(sweeper.queued_at_least, min(4 * queued, int(queued * _QUEUE_SECONDS / seconds)))
     return changes, statuses
 
 

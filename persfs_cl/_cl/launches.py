@@ -22,11 +22,15 @@ DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 
 _PARAMETERS = 16
 _CPU_LANES = 8
-_BANDS = 4
+_BANDS = 3
+_APART = 32
+"""As in kernels/strip.cl."""
 _CACHED_PIXELS = 2**20
 """An image of this size, with its brightness, stays in a processor's second-level cache, or nearly."""
 _SMALL_PIXELS = 2**16
 """Up to this size launches cost more than what a second processor saves."""
+_CELLS_AT_A_TIME = 2**28
+"""Cells of iterations that are queued together at least, where that keeps images in the cache: half a second or so."""
 
 
 @dataclass(frozen=True)
@@ -92,29 +96,39 @@ class Tuning:
         Vectors a strip of the wavefront is high.
     work_groups : int
         How many run along strips, or over images, at a time.
+    polls : int
+        After so many a work-group that waits for another hands its strip back: some hundred microseconds.
+    images_at_a_time : int or None
+        So many images share a launch, and go through all queued iterations before the next; None is all.
     """
 
     variant: str
     lanes: int = 1
     bands: int = 1
     work_groups: int = 1
+    polls: int = 4000
+    images_at_a_time: int | None = None
 
     @classmethod
     def of(cls, device: Device, ordering: str, shape: tuple[int, int], images: int) -> Tuning:
         """What suits a device, and a number of images of one size.
 
-        Strips want few work-groups with wide vectors, and groups that may wait for each other: a CPU runs a group to
-        its end without interruption by others. Elsewhere the wavefront goes tile by tile, without waiting.
+        Strips want few work-groups, each with one item and wide vectors: what a CPU is good at. Elsewhere the wavefront
+        goes tile by tile, with many items.
         """
         on_cpu = device.kind == "cpu"
         if ordering == "checkerboard":
-            return cls("checkerboard", lanes=_CPU_LANES if on_cpu else 1)
+            if not on_cpu:
+                return cls("checkerboard")
+            # Each sweep goes through all images that share its launch: too many of them, and none is in the cache.
+            together = max(1, 2 * _CACHED_PIXELS // (shape[0] * shape[1]))
+            return cls("checkerboard", lanes=_CPU_LANES, images_at_a_time=together)
         if ordering == "lexicographic":
             return cls("lexicographic")
         if not on_cpu:
             return cls("wavefront_tiles")
         pixels = shape[0] * shape[1]
-        # A group that waits keeps its processor: with fewer processors than groups the one waited for would not run.
+        # A group that waits keeps its processor: more groups than processors would only be in each other's way.
         groups = min(device.compute_units, _processors())
         if pixels <= _SMALL_PIXELS or (images >= groups and pixels <= _CACHED_PIXELS):
             return cls("wavefront_images", _CPU_LANES, _BANDS, min(images, groups))
@@ -124,7 +138,8 @@ class Tuning:
     def definitions(self) -> dict[str, int]:
         """Constants of the program."""
         sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
-        return {"LANES": self.lanes, **sizes, **({"BANDS": self.bands} if self.in_strips else {})}
+        strips = {"BANDS": self.bands, "POLLS": self.polls} if self.in_strips else {}
+        return {"LANES": self.lanes, **sizes, **strips}
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -227,13 +242,13 @@ class Sweeper:
         self._linear, self._lowest = int(linear), lowest
 
         integer, single = np.int32, np.float32
-        begin: list[Any] = [None] * 7 + [integer, single]
+        begin: list[Any] = [None] * 7 + [integer, single, integer]
         if self.tuning.variant == "wavefront_images":
             self._sync = np.zeros(1, np.int32)
             self._sync_buffer = self._upload(self._sync)
             self._iterate = cl.Kernel(sweeping, "iterate")
             self._iterate.set_scalar_arg_dtypes(
-                [*begin, *[integer] * 7, None, integer, integer, *[None] * 6, integer, single]
+                [*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single]
             )
             return
         self._sweep = cl.Kernel(sweeping, "sweep")
@@ -241,20 +256,28 @@ class Sweeper:
         scalars = begin + [integer] * integers[self.tuning.variant]
         if self.tuning.variant == "wavefront_strips":
             strips = -(-height // (8 * self.tuning.bands))
-            self._sync = np.zeros(2 + self.count * strips, np.int32)
+            self._sync = np.zeros(1 + (1 + _APART) * self.count * strips, np.int32)
             self._sync_buffer = self._upload(self._sync)
-            scalars += [None, integer, integer]
+            scalars += [None, integer]
         self._sweep.set_scalar_arg_dtypes(scalars)
 
         self._renew = cl.Kernel(program(device, ["boundary", "renew"], precision), "renew_boundary")
-        self._renew.set_scalar_arg_dtypes([None] * 8 + [integer, single, integer, integer, single])
+        self._renew.set_scalar_arg_dtypes([None] * 8 + [integer, single, *[integer] * 3, single])
         self._renew_items = min(256, _group_size(self._renew, device))
 
         on_cpu = device.kind == "cpu"
         lanes = {"LANES": _CPU_LANES if on_cpu else 1}
         self._measure = cl.Kernel(program(device, ["change", "measure"], precision, lanes), "measure")
-        self._measure.set_scalar_arg_dtypes([None] * 3 + [integer, single, integer])
+        self._measure.set_scalar_arg_dtypes([None] * 3 + [integer, single, integer, integer])
         self._measure_items = max(1, min((1 if on_cpu else 1024) * device.compute_units, layout.size // 1024))
+
+    @property
+    def queued_at_least(self) -> int:
+        """How many iterations should be queued together: where images take turns in the cache, not too few."""
+        tuning = self.tuning
+        if tuning.variant != "wavefront_images" and (tuning.images_at_a_time or self.count) >= self.count:
+            return 4
+        return max(4, min(16, _CELLS_AT_A_TIME // (self.count * self._layout.height * self._layout.width)))
 
     def run(self, iterations: int) -> NDArray[np.float64]:
         """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
@@ -272,7 +295,7 @@ class Sweeper:
         Raises
         ------
         DeviceError
-            When work-groups waited for each other in vain.
+            When the device left work undone.
         """
         with self._device.lock:
             self._begin(iterations)
@@ -280,45 +303,54 @@ class Sweeper:
                 first = last = self._iterate_images(iterations)
             else:
                 first = None
-                for _ in range(iterations):
-                    for number in range(4):
-                        event = self.sweep(number)
-                        first = first or event
-                        self.renew_boundary()
-                    last = self.measure()
+                together = self.tuning.images_at_a_time or self.count
+                for begin in range(0, self.count, together):
+                    images = range(begin, min(begin + together, self.count))
+                    self._row = 1
+                    for _ in range(iterations):
+                        for number in range(4):
+                            event = self.sweep(number, images)
+                            first = first or event
+                            self.renew_boundary(images)
+                        last = self.measure(images)
             changes = self._changes_host
             cl.enqueue_copy(self._device.queue, changes, self._changes)
-            self._check_waits()
+            self._check_strips()
             self.kernel_seconds += 1e-9 * (last.profile.end - first.profile.start)
         rows = changes[1:]
         self._rested |= (rows <= self._tolerance).any(axis=0)
         self._row = 0
         return rows.astype(np.float64)
 
-    def sweep(self, number: int) -> Any:
-        """Queue one sweep of all images; not for the variant "wavefront_images", which runs whole iterations.
+    def sweep(self, number: int, images: range | None = None) -> Any:
+        """Queue one sweep; not for the variant "wavefront_images", which runs whole iterations.
 
         Parameters
         ----------
         number : int
             0 to 3: the direction, see :data:`DIRECTIONS`; the checkerboard begins with red and black in turn.
+        images : range, optional
+            Which; all when not given. "wavefront_strips" takes all.
         """
         if not self._row:
             self._begin(1)
         layout, tuning, queue = self._layout, self.tuning, self._device.queue
-        common = (*self._buffers, self._changes, self._row, self._tolerance, layout.rows, layout.stride)
+        chosen = images or range(self.count)
+        common = (*self._buffers, self._changes, self._row, self._tolerance, self.count, layout.rows, layout.stride)
         image = (layout.first_row, layout.first_column, layout.height, layout.width)
         if tuning.variant == "checkerboard":
-            items = 1 if tuning.lanes > 1 else layout.stride // 2
-            size = (items, layout.rows - 2, self.count)
+            vectors = 1 if tuning.lanes > 1 else layout.stride // 2
+            size, offset = (vectors, layout.rows - 2, len(chosen)), (0, 0, chosen.start)
             stored_parity = layout.first_row + layout.first_column
-            event = self._sweep(queue, size, None, *common, (stored_parity + number) % 2)
-            self._sweep(queue, size, None, *common, (stored_parity + number + 1) % 2)
+            colours = [(stored_parity + number + half) % 2 for half in range(2)]
+            event, _ = [self._sweep(queue, size, None, *common, c, global_offset=offset) for c in colours]
         elif tuning.variant == "lexicographic":
-            event = self._sweep(queue, (self.count,), (1,), *common, *image, *DIRECTIONS[number])
+            event = self._sweep(
+                queue, (len(chosen),), (1,), *common, *image, *DIRECTIONS[number], global_offset=(chosen.start,)
+            )
         elif tuning.variant == "wavefront_strips":
             groups = (tuning.work_groups,)
-            run = (self._sync_buffer, self.count, self._sweeps)
+            run = (self._sync_buffer, self._sweeps)
             event = self._sweep(queue, groups, (1,), *common, *image, *DIRECTIONS[number], *run)
         else:
             high, wide = tuning.definitions["TILE_ROWS"], tuning.definitions["TILE_COLUMNS"]
@@ -328,18 +360,22 @@ class Sweeper:
                 begin = max(0, diagonal - tile_columns + 1)
                 tiles = min(diagonal, tile_rows - 1) - begin + 1
                 tile = (*DIRECTIONS[number], diagonal, begin)
-                launched = self._sweep(queue, (tiles * high, self.count), (high, 1), *common, *image, *tile)
+                items = (tiles * high, len(chosen))
+                launched = self._sweep(
+                    queue, items, (high, 1), *common, *image, *tile, global_offset=(0, chosen.start)
+                )
                 event = event or launched
         self._sweeps += 1
         return event
 
-    def renew_boundary(self) -> None:
-        """Queue the renewal of the boundary cells from inside, eq. (12)."""
+    def renew_boundary(self, images: range | None = None) -> None:
+        """Queue the renewal of the boundary cells from inside, eq. (12), of some images or all."""
         if not self._has_boundary:
             return
+        chosen = images or range(self.count)
         self._renew(
             self._device.queue,
-            (self._renew_items, self.count),
+            (self._renew_items, len(chosen)),
             (self._renew_items, 1),
             self._log_depth,
             self._parameters,
@@ -347,23 +383,28 @@ class Sweeper:
             self._changes,
             self._row,
             self._tolerance,
+            self.count,
             self._layout.size,
             self._linear,
             self._lowest,
+            global_offset=(0, chosen.start),
         )
 
-    def measure(self) -> Any:
-        """Queue the search for the largest change since the last one."""
+    def measure(self, images: range | None = None) -> Any:
+        """Queue the search for the largest change since the last one, of some images or all."""
+        chosen = images or range(self.count)
         event = self._measure(
             self._device.queue,
-            (self._measure_items, self.count),
+            (self._measure_items, len(chosen)),
             (1, 1) if self._device.kind == "cpu" else None,
             self._log_depth,
             self._previous,
             self._changes,
             self._row,
             self._tolerance,
+            self.count,
             self._layout.size,
+            global_offset=(0, chosen.start),
         )
         self._row += 1
         return event
@@ -372,7 +413,7 @@ class Sweeper:
         """A copy of the values as they are now, shape (images, height, width)."""
         stored = np.empty((self.count, self._layout.rows, self._layout.stride), self._real)
         cl.enqueue_copy(self._device.queue, stored, self._log_depth)
-        self._check_waits()
+        self._check_strips()
         return np.stack([self._layout.take(values) for values in stored])
 
     def _begin(self, iterations: int) -> None:
@@ -395,6 +436,7 @@ class Sweeper:
             self._changes,
             self._row,
             self._tolerance,
+            self.count,
             layout.rows,
             layout.stride,
             layout.first_row,
@@ -405,7 +447,6 @@ class Sweeper:
             self._sync_buffer,
             # Every group draws one ticket too many in each launch.
             self._sweeps * (self.count + groups),
-            self.count,
             self._previous,
             *self._boundary,
             self._linear,
@@ -414,14 +455,14 @@ class Sweeper:
         self._sweeps += 1
         return event
 
-    def _check_waits(self) -> None:
+    def _check_strips(self) -> None:
         if self.tuning.variant != "wavefront_strips":
             return
-        cl.enqueue_copy(self._device.queue, self._sync[:2], self._sync_buffer)
-        if self._sync[1]:
+        claims = self._sync[1 : 1 + len(self._sync) // (1 + _APART)]
+        cl.enqueue_copy(self._device.queue, claims, self._sync_buffer, src_offset=claims.itemsize)
+        if (claims != self._sweeps).any():
             raise DeviceError(
-                f"{self._device}: a work-group waited for another in vain. The processor is overloaded, or the device "
-                "does not run work-groups side by side: try again, or use ordering='checkerboard'."
+                f"{self._device} left strips of the image undone: its driver is at fault. Use ordering='checkerboard'."
             )
 
     def _list_boundary(self, grids: Sequence[Grid]) -> None:

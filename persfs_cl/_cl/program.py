@@ -65,7 +65,7 @@ def program(
         "LANES": 1,
         # PoCL keeps its mathematical functions out of line, which costs more than the fused operation saves.
         "FUSED": int(not device.is_pocl),
-        "FAST_SQRT": int(device.is_pocl),
+        "BUILTINS": int(device.is_pocl),
         **(definitions or {}),
     }
     key = (tuple(names), tuple(sorted(constants.items())))

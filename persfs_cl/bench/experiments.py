@@ -29,7 +29,7 @@ Experiment = Callable[[Plan], Iterator[list[Record]]]
 
 _NUMPY_SIZE = 256
 _BATCH_SIZE = 512
-_BANDS = (1, 2, 4)
+_BANDS = (1, 2, 3, 4)
 _MEMORY_SIZE = 4096
 
 
@@ -96,10 +96,10 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
         for groups in sorted({1, max(1, units // 2), units})
     ]
     boards = [Tuning("checkerboard", lanes=lanes) for lanes in (1, 8)]
-    # Strips wait for each other, which is safe only where the project's own choice is to let them.
-    waiting = strips if plan.device.kind == "cpu" else []
+    # Strips are for processors that run a work-group's single item at full speed.
+    vectors = strips if plan.device.kind == "cpu" else []
     subjects: list[Subject] = []
-    for ordering, candidates in (("wavefront", [*waiting, Tuning("wavefront_tiles")]), ("checkerboard", boards)):
+    for ordering, candidates in (("wavefront", [*vectors, Tuning("wavefront_tiles")]), ("checkerboard", boards)):
         chosen = Tuning.of(plan.device, ordering, (size, size), 1)
         for tuning in dict.fromkeys([chosen, *candidates]):
             subject = iterations("", sweeper(plan.device, [grid], ordering, plan.precision, tuning), cells)

@@ -16,7 +16,6 @@ RATE = "rate"
 RATE_UNIT = "Mc/s"
 """Million cell updates a second."""
 
-_DIRECTIONS = 4
 _MAKERS = {PLAIN_C: plain_c, "numba": numba_loop}
 _NUMPY = "NumPy twin"
 YARDSTICKS = (*_MAKERS, _NUMPY)
@@ -59,8 +58,10 @@ def measured(
 
 def timed(plan: Plan, subjects: Iterable[Subject]) -> dict[str, Timing]:
     """Seconds of one sweep of each subject."""
+    subjects = list(subjects)
     works = {subject.name: subject.work for subject in subjects}
-    return take_turns(works, repeats=plan.repeats, least_seconds=plan.least_seconds, step=_DIRECTIONS)
+    steps = {subject.name: subject.step for subject in subjects}
+    return take_turns(works, repeats=plan.repeats, least_seconds=plan.least_seconds, steps=steps)
 
 
 def peer(name: str, size: int, precision: str) -> Subject:

@@ -36,12 +36,15 @@ class Subject:
         Cells that a unit updates.
     detail : str
         How it is done.
+    step : int
+        Sweeps are done in multiples of this.
     """
 
     name: str
     work: Work
     cells: int
     detail: str
+    step: int = 4
 
 
 def smooth_image(size: int) -> NDArray[np.float64]:
@@ -82,14 +85,14 @@ def sweeper(
 
 
 def iterations(name: str, sweeps: Sweeper, cells: int) -> Subject:
-    """Whole iterations: four sweeps and the search for the largest change, queued together."""
+    """Whole iterations: four sweeps and the search for the largest change, queued together as when solving."""
 
     def work(count: int) -> float:
         before = sweeps.kernel_seconds
         sweeps.run(max(1, count // 4))
         return sweeps.kernel_seconds - before
 
-    return Subject(name, work, cells * sweeps.count, described(sweeps.tuning))
+    return Subject(name, work, cells * sweeps.count, described(sweeps.tuning), step=4 * sweeps.queued_at_least)
 
 
 def sweeps_alone(name: str, device: Device, sweeps: Sweeper, cells: int) -> Subject:

@@ -66,6 +66,7 @@ def take_turns(
     repeats: int,
     least_seconds: float,
     step: int = 1,
+    steps: Mapping[str, int] | None = None,
     clock: Clock = time.perf_counter,
 ) -> dict[str, Timing]:
     """Measure several works in turns, so that a disturbance of the machine hits them alike.
@@ -79,6 +80,8 @@ def take_turns(
         How long one run takes at least: the number of units is chosen so, which warms up and compiles too.
     step : int
         The number of units is a multiple of this.
+    steps : mapping of str to int, optional
+        Instead of `step` for some of the works.
     clock : callable
         Seconds since some moment.
 
@@ -87,7 +90,11 @@ def take_turns(
     dict of str to Timing
         The repeats of all works are in the order of the rounds.
     """
-    counts = {name: warm_up(work, least_seconds=least_seconds, step=step, clock=clock) for name, work in works.items()}
+    own = steps or {}
+    counts = {
+        name: warm_up(work, least_seconds=least_seconds, step=own.get(name, step), clock=clock)
+        for name, work in works.items()
+    }
     wall: dict[str, list[float]] = {name: [] for name in works}
     device: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(repeats):
