@@ -50,12 +50,14 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
         const number up = LOAD(cell - stride), down = LOAD(cell + stride);
         const axis x = {LOAD(columns + first), LOAD(columns + first + stride), LOAD(columns + first + 2 * stride)};
 
-        number value = inner_value(shading, left, right, up, down, to_p, to_q, x, y, numbers);
+        number value = value_from_all_sides(shading, here, left, right, up, down, to_p, to_q, x, y, numbers);
+#if RIM_CELLS
         if (any_sign(as_integer(shading))) {
             const integer missing = LOAD_FLAGS(flags + line + odd * half_stride + first);
             const number rim = rim_value(magnitude(shading), missing, here, left, right, up, down, x, y, numbers);
             value = as_integer(shading) < 0 ? rim : value;
         }
+#endif
         STORE(cell, value < here ? value : here);
     }
 }

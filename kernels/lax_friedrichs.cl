@@ -1,35 +1,102 @@
-/* Candidate value of a cell by the Lax-Friedrichs scheme, eq. (11) with its sign put right:
+/* New values of cells by the Lax-Friedrichs scheme, eq. (11) with its sign put right, for a Hamiltonian
  *
- *     Z = [ -H(p, q) + sigma_x (Z_r + Z_l) / (2 dx) + sigma_y (Z_d + Z_u) / (2 dy) ] / (sigma_x / dx + sigma_y / dy)
+ *     H(Z, P) = PULL Z + factor N(P) - regular(P)
  *
- * with central differences p and q. By Cauchy-Schwarz, tightly and for each pixel,
+ * of which the model gives the parts (PULL is 0 where the depth itself plays no part, as in the paper):
  *
- *     |dH/dp| <= sigma_x = E sqrt(1 + x^2) + |x - p0| / k,   sigma_y likewise,
+ *     Z = [ regular - factor N + sigma_x (Z_r + Z_l) / (2 dx) + sigma_y (Z_d + Z_u) / (2 dy) ]
+ *         / (sigma_x / dx + sigma_y / dy + PULL)
  *
- * so that Z does not fall where a neighbour rises: the scheme is monotone. The two terms of sigma_x / (2 dx) depend on
- * the column alone and come from a table, as do those of sigma_y from the row: three square roots and a division fewer.
+ * at central differences P. As sigma_x and sigma_y are bounds of |dH/dp| and |dH/dq|, Z does not fall where a neighbour
+ * rises: the scheme is monotone. Their terms of column and row come from a table: square roots and divisions fewer.
  *
  * The order of the operations keeps the way from Z_l and Z_u to the result short, since in a sweep every cell waits for
- * these two: S is the last thing to be known.
+ * these two: N is the last thing to be known.
  */
-typedef struct {
-    number coordinate; /* x or y                                         */
-    number root;       /* sqrt(1 + x^2) / (2 dx), likewise for y         */
-    number offset;     /* |x - p0| / (2 k dx), likewise for y            */
-} axis;
+#define RIM_CELLS 1 /* cells with a neighbour missing are marked, and treated apart */
 
-static inline number candidate(const number brightness, /* E                                */
-                               const number p,          /* dZ/dx, also where W is solved for */
-                               const number q,          /* dZ/dy                            */
-                               const number sum_x,      /* Z_r + Z_l, or of W               */
-                               const number sum_y,      /* Z_d + Z_u                        */
+static inline number candidate(const number brightness,
+                               const number p,     /* dZ/dx, also where W is solved for */
+                               const number q,     /* dZ/dy                             */
+                               const number sum_x, /* Z_r + Z_l, or of W                */
+                               const number sum_y, /* Z_d + Z_u                         */
                                const axis x, const axis y, const real *parameters)
 {
-    const number weight_x = multiply_add(brightness, x.root, x.offset);
-    const number weight_y = multiply_add(brightness, y.root, y.offset);
-    const number scale = (number)0.5f / (weight_x + weight_y);
-    const number regular = multiply_add(
-        weight_x, sum_x, multiply_add(weight_y, sum_y, shade(p, q, x.coordinate, y.coordinate, parameters)));
-    const number norm = surface_norm(p, q, x.coordinate, y.coordinate);
-    return multiply_subtract_from(regular * scale, brightness * scale, norm);
+    const number weight_x = viscosity(brightness, x, y, parameters);
+    const number weight_y = viscosity(brightness, y, x, parameters);
+    const number scale = (number)1 / ((number)2 * (weight_x + weight_y) + (number)PULL);
+    const number even = multiply_add(
+        weight_x, sum_x,
+        multiply_add(weight_y, sum_y, regular_part(brightness, p, q, x.coordinate, y.coordinate, parameters)));
+    const number norm = norm_part(p, q, x.coordinate, y.coordinate, parameters);
+    return multiply_subtract_from(even * scale, factor_of_norm(brightness) * scale, norm);
+}
+
+/* The bound, no cell more than one step above a neighbour, holds the values where the Hamiltonian does not (the pixel
+ * is so dark that {P : H(P) <= 0} is unbounded) and costs a regular cell nothing.
+ *
+ * `to_p` and `to_q` turn differences into dZ/dx and dZ/dy: 1 / (2 dx), with the sign of the surface. Left and right may
+ * change places, and so may up and down, if these change their sign: the bits are the same.
+ */
+static inline number inner_value(const number brightness, const number here, const number left, const number right,
+                                 const number up, const number down, const real to_p, const real to_q, const axis x, const axis y,
+                                 const real *parameters)
+{
+    const number value = candidate(brightness, (right - left) * to_p, (down - up) * to_q, right + left, down + up,
+                                   x, y, parameters);
+    const number highest = least(least(left, right) + parameters[STEP_X], least(up, down) + parameters[STEP_Y]);
+    return highest < value ? highest : value;
+}
+
+/* Gradient along one axis where a neighbour is missing: a state constraint, nothing flows in from outside.
+ *
+ * The difference is one-sided, and stops at the slope where H is least, so that H never rises with the inner neighbour:
+ * that keeps the scheme monotone. Where both neighbours are missing the least slope itself is taken.
+ */
+static inline number constrained(const number here, const number before, const number after, const integer no_before,
+                                 const integer no_after, const real half_inverse_spacing, const number least_slope)
+{
+    const real inverse_spacing = 2 * half_inverse_spacing;
+    const number from_after = least((after - here) * inverse_spacing, least_slope);
+    const number from_before = most((here - before) * inverse_spacing, least_slope);
+    const number one_sided = no_before != 0 ? from_after : from_before;
+    const number outer = (no_before & no_after) != 0 ? least_slope : one_sided;
+    return (no_before | no_after) != 0 ? outer : (after - before) * half_inverse_spacing;
+}
+
+/* As inner_value, where `flags` may say that neighbours are missing; their values are of no consequence. */
+static inline number rim_value(const number brightness, const integer flags, const number here, const number left,
+                               const number right, const number up, const number down, const axis x, const axis y,
+                               const real *parameters)
+{
+    /* All bits set or none, as a condition on vectors wants them. */
+    const integer no_left = -((flags / NO_LEFT) & 1), no_right = -((flags / NO_RIGHT) & 1);
+    const integer no_up = -((flags / NO_UP) & 1), no_down = -((flags / NO_DOWN) & 1);
+    const number central = (right - left) * parameters[HALF_INVERSE_DX];
+    number gradient_x = (no_left | no_right) != 0 ? (number)0 : central;
+    number gradient_y = (number)0;
+    /* In a corner the two slopes depend on each other: a few turns of coordinate descent on a convex function. */
+    for (int turn = 0; turn < 3; ++turn) {
+        gradient_y = constrained(here, up, down, no_up, no_down, parameters[HALF_INVERSE_DY],
+                                 least_gradient(brightness, gradient_x, y.coordinate, x.coordinate, 1, parameters));
+        gradient_x = constrained(here, left, right, no_left, no_right, parameters[HALF_INVERSE_DX],
+                                 least_gradient(brightness, gradient_y, x.coordinate, y.coordinate, 0, parameters));
+    }
+    const number sum_x = (no_left | no_right) != 0 ? here + here : right + left;
+    const number sum_y = (no_up | no_down) != 0 ? here + here : down + up;
+    const real sign = parameters[SURFACE_SIGN];
+    const number value = candidate(brightness, sign * gradient_x, sign * gradient_y, sum_x, sum_y, x, y, parameters);
+    const number none = (number)INFINITY;
+    const number lowest_x = least(no_left != 0 ? none : left, no_right != 0 ? none : right);
+    const number lowest_y = least(no_up != 0 ? none : up, no_down != 0 ? none : down);
+    const number highest = least(lowest_x + parameters[STEP_X], lowest_y + parameters[STEP_Y]);
+    return highest < value ? highest : value;
+}
+
+/* Where the order of the cells has no direction. */
+static inline number value_from_all_sides(const number brightness, const number here, const number left,
+                                          const number right, const number up, const number down, const real to_p, const real to_q,
+                                          const axis x, const axis y, const real *parameters)
+{
+    return inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters);
 }

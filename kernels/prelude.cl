@@ -108,6 +108,9 @@ static inline int any_sign(const integer bits)
 #endif
 }
 
+/* Stands for the value of a cell that is not there. Finite, so that its difference from itself is 0. */
+#define NOWHERE ((real)1e30f)
+
 /* Flags of a cell. A neighbour is missing where the image or the mask ends, or where a wall stands. */
 #define SWEPT 1
 #define NO_LEFT 2
@@ -121,10 +124,20 @@ static inline int any_sign(const integer bits)
 #define STEP_X 2          /* largest climb of Z between horizontal neighbours */
 #define STEP_Y 3          /* largest climb of Z between vertical neighbours   */
 #define STEEPEST 4        /* largest slope |dZ/dx|, |dZ/dy|                */
-#define FIRST_MODEL_PARAMETER 5
+#define SURFACE_SIGN 5    /* +1 where Z is solved for, -1 for W = -Z       */
+#define SPACING_X 6       /* dx                                            */
+#define SPACING_Y 7       /* dy                                            */
+#define FIRST_MODEL_PARAMETER 8
 #define PARAMETERS 16     /* length of one image's part of the buffer      */
 
-/* A private copy of them: the compiler need not think that a store of Z may change them. */
+/* Numbers of a column or of a row, from a table made on the host. */
+typedef struct {
+    number coordinate; /* x or y                                                          */
+    number root;       /* sqrt(1 + x^2) / (2 dx), likewise for y: see lax_friedrichs.cl    */
+    number offset;     /* |x - p0| / (2 k dx), likewise for y                              */
+} axis;
+
+/* A private copy of an image's numbers: the compiler need not think that a store of Z may change them. */
 static inline void copy_parameters(real *copy, __global const real *all, const int image)
 {
     for (int k = 0; k < PARAMETERS; ++k)

@@ -1,4 +1,4 @@
-/* The forward model: brightness of a surface from its log depth, E = n / (k S)                              (6)
+/* The forward model: brightness of a surface from its log depth and the slopes of that.
  *
  * Derivatives are central differences, one-sided beside a missing neighbour, and zero where both are missing. One
  * work-item renders one pixel: global size (width, height). Pixels without depth (flag SWEPT not set) become NaN.
@@ -40,5 +40,5 @@ __kernel void render(__global const real *log_depth,  /* Z, shape (height, width
                          log_depth[flag & NO_DOWN ? cell : cell + (size_t)width], flag & NO_UP, flag & NO_DOWN,
                          numbers[HALF_INVERSE_DY]);
     const real x = columns[column], y = lines[row];
-    brightness[cell] = shade(p, q, x, y, numbers) / surface_norm(p, q, x, y);
+    brightness[cell] = rendered(here, p, q, x, y, numbers);
 }

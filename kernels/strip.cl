@@ -92,7 +92,8 @@ run_step(lanes *state, number right[BANDS][8], number shading[BANDS][8], const i
         down.s7 = band == BANDS - 1 ? below : right[band + 1][k].s0;
         __global const real *at = table + band * 8;
         const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
-        number value = inner_value(e, last, next, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
+        number value = inner_value(e, here, last, next, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
+#if RIM_CELLS
         if (with_rim && any_sign(as_integer(e))) {
             const integer missing = gather_flags(flags + band * 8 * way->skew, way->skew);
             const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? next : last,
@@ -100,6 +101,7 @@ run_step(lanes *state, number right[BANDS][8], number shading[BANDS][8], const i
                                          way->upwards ? up : down, x, state->y[band], parameters);
             value = as_integer(e) < 0 ? rim : value;
         }
+#endif
         const number result = value < here ? value : here;
         state->result[band] = result;
         state->here[band] = next;
@@ -186,7 +188,7 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
         } above, below;
         above.all = LOAD(log_depth + cell - row_step + low);
         below.all = LOAD(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
-        if (any_sign(signs)) {
+        if (RIM_CELLS && any_sign(signs)) {
             /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
             number right_copy[BANDS][8], shading_copy[BANDS][8];
             __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)

@@ -51,8 +51,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
             const int row = first_row + (upwards ? height - 1 - i : i);
             const int column = first_column + (leftwards ? width - 1 - j : j);
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
-            update_cell(log_depth, brightness, flags, cell, cell - 1, cell + 1, cell - (size_t)stride,
-                        cell + (size_t)stride, axis_at(column_table + image * 3 * stride, stride, column),
+            update_cell(log_depth, brightness, flags, cell, stride, leftwards, upwards,
+                        axis_at(column_table + image * 3 * stride, stride, column),
                         axis_at(row_table + image * 3 * rows, rows, row), numbers);
         }
         barrier(CLK_GLOBAL_MEM_FENCE);

@@ -22,10 +22,10 @@ from persfs_cl.errors import (
 from persfs_cl.forward import render
 from persfs_cl.grey import normalise_grey
 from persfs_cl.images import read_image
-from persfs_cl.light import ParallelLight
+from persfs_cl.light import FlashLight, ParallelLight
 from persfs_cl.metrics import Errors, compare
-from persfs_cl.reflectance import Lambertian
-from persfs_cl.scenes import Scene, bump, bumps, sphere_cap, vase
+from persfs_cl.reflectance import Lambertian, OrenNayar, Phong
+from persfs_cl.scenes import Scene, bump, bumps, hillside, sphere_cap, vase
 from persfs_cl.solution import Elapsed, Solution, Status
 from persfs_cl.solver import reconstruct, reconstruct_batch
 
@@ -39,11 +39,14 @@ __all__ = [
     "DeviceError",
     "Elapsed",
     "Errors",
+    "FlashLight",
     "InputError",
     "KernelBuildError",
     "Lambertian",
+    "OrenNayar",
     "ParallelLight",
     "PersfsError",
+    "Phong",
     "Scene",
     "Solution",
     "Status",
@@ -51,6 +54,7 @@ __all__ = [
     "bumps",
     "compare",
     "devices",
+    "hillside",
     "normalise_grey",
     "read_image",
     "reconstruct",

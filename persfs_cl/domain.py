@@ -14,6 +14,9 @@ Mask = NDArray[np.bool_]
 # Bits of a cell's flags; kernels/prelude.cl gives them the same values.
 SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16
 
+NOWHERE = 1e30
+"""Value of a cell that is not there, for schemes that only want it to be high; as in kernels/prelude.cl."""
+
 NONE = -1
 """Index that stands for "does not look along this axis" in :attr:`Boundary.inwards`."""
 
@@ -93,7 +96,7 @@ def rim(pixels: Mask) -> Mask:
     return pixels & ~Neighbours.of(pixels).all
 
 
-def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str) -> Domain:
+def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str, *, needs_known: bool = True) -> Domain:
     """Classify the pixels of a problem.
 
     Parameters
@@ -105,6 +108,8 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str) -> Domain:
     walls : ndarray of bool, shape (height, width)
         Pixels that nothing crosses; they get no value.
     boundary : {"outflow", "extrapolate", "fixed", "wall"}
+    needs_known : bool
+        False where the image alone determines the depth: then all pixels are solved.
 
     Raises
     ------
@@ -118,9 +123,9 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str) -> Domain:
             f"There is nothing to solve: of {wanted.size} pixels {int(known.sum())} are known, "
             f"{int((~wanted).sum())} masked out and {int(walls.sum())} walls. Leave some pixels unknown (NaN)."
         )
-    if not known.any():
+    if needs_known and not known.any():
         raise InputError("No depth is known: give known_depth at least one finite value that is not behind a wall.")
-    reached = unknown & connected(known, unknown | known)
+    reached = unknown & connected(known, unknown | known) if needs_known else unknown
     if not reached.any():
         raise InputError(
             f"None of the {int(known.sum())} known depths can reach the {int(unknown.sum())} pixels to solve: "

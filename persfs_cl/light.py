@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
 
 from persfs_cl.errors import InputError
 
@@ -34,10 +38,7 @@ class ParallelLight:
     def __post_init__(self) -> None:
         for name in ("p0", "q0"):
             value = getattr(self, name)
-            try:
-                number = float(value)
-            except (TypeError, ValueError):
-                number = math.nan
+            number = finite_number(value)
             if not abs(number) <= _STEEPEST:
                 raise InputError(
                     f"{name}={value!r} is not a light slope: give a finite number between -{_STEEPEST:g} and "
@@ -49,3 +50,73 @@ class ParallelLight:
     def norm(self) -> float:
         """Length of s, k = sqrt(1 + p0² + q0²)."""
         return math.hypot(1.0, self.p0, self.q0)
+
+
+@dataclass(frozen=True)
+class FlashLight:
+    """A point light at the optical centre of the camera, or beside it: a flash, a torch, the lamp of an endoscope.
+
+    With ρ the distance from lamp to surface and c what the reflectance returns, the image is I = κ c / ρ², or
+    I = κ c without fall-off (section 4 of the method).
+
+    Parameters
+    ----------
+    falloff : bool
+        Light fades with the square of the distance. False for photographs that were corrected for this: they tell of
+        the slopes only, and the surface can have any size.
+    gain : float
+        κ > 0, the brightness of a surface that faces the lamp at distance 1 and returns all its light. It holds the
+        unit of depth: 100 times the gain makes every depth 10 times as large.
+    offset : (float, float, float)
+        Where the lamp is, from the optical centre, in units of depth along the camera's axes (x right, y down,
+        z forward). (0, 0, 0) is a coaxial light.
+
+    Raises
+    ------
+    InputError
+        When the gain is not a finite number above 0, the offset not three finite numbers, or the fall-off not a bool.
+    """
+
+    falloff: bool = True
+    gain: float = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.falloff, (bool, np.bool_)):
+            raise InputError(
+                f"falloff={self.falloff!r} is no choice: give True where light fades with the square of the distance, "
+                "or False."
+            )
+        gain = finite_number(self.gain)
+        if not gain > 0:
+            raise InputError(
+                f"gain={self.gain!r} is not a brightness: give a finite number above 0, the brightness of a white "
+                "surface that faces the lamp at distance 1."
+            )
+        offset = self.offset
+        numbers = tuple(map(finite_number, offset)) if isinstance(offset, (Sequence, np.ndarray)) else ()
+        if len(numbers) != 3 or any(map(math.isnan, numbers)):
+            raise InputError(
+                f"offset={offset!r} is not a place: give three finite numbers, (right, down, forward) from the optical "
+                "centre in units of depth, (0, 0, 0) for a light at the camera."
+            )
+        object.__setattr__(self, "falloff", bool(self.falloff))
+        object.__setattr__(self, "gain", gain)
+        object.__setattr__(self, "offset", numbers)
+
+    @property
+    def coaxial(self) -> bool:
+        """True when the lamp is at the optical centre."""
+        return self.offset == (0.0, 0.0, 0.0)
+
+
+Light: TypeAlias = ParallelLight | FlashLight
+
+
+def finite_number(value: object) -> float:
+    """`value` as a number; NaN when it is none, or not finite."""
+    try:
+        number = float(value)  # type: ignore[arg-type] # what is no number is caught
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+    return number if math.isfinite(number) else math.nan

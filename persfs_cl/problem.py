@@ -12,11 +12,14 @@ from persfs_cl import domain
 from persfs_cl._cl.launches import Grid
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.errors import InputError
-from persfs_cl.forward import kernel_axes, kernel_parameters
 from persfs_cl.light import ParallelLight
+from persfs_cl.models import Model
 
 _LARGEST = 700.0
 """|ln z| beyond which z is no longer a float64."""
+
+_BLACK = 1e-6
+"""Share of the brightest value that even a black pixel is taken to have under a flash: less than any camera tells."""
 
 
 @dataclass(frozen=True)
@@ -26,51 +29,57 @@ class Problem:
     Attributes
     ----------
     image : ndarray of float64, shape (height, width)
-        E; anything where there is nothing to solve.
+        E, or the brightness under a flash; anything where there is nothing to solve.
     camera : Camera
     known_depth : ndarray of float64, shape (height, width)
         NaN where unknown.
     start : ndarray of float64, shape (height, width)
         First values of W = ±Z, less `level`: known values, and above them all the start value.
+    shading : ndarray of float64, shape (height, width)
+        What the kernels read in place of the image: E, or under a flash F = I R² / κ at the scale of `level`.
     highest_known : float
-        Largest known W, less `level`.
+        Largest known W, less `level`; infinite where no known value is needed.
     sign : float
         +1 for a surface going away from the known values, W = Z; -1 for one coming towards the camera, W = -Z.
     level : float
-        Smallest known W; subtracting it keeps single precision for the relief.
+        Smallest known W, or a typical one; subtracting it keeps single precision for the relief.
     max_slope : float
     domain : Domain
     grid : PixelGrid
-    light : ParallelLight
+    model : Model
+    scheme : str
     """
 
     image: NDArray[np.float64]
     camera: Camera
     known_depth: NDArray[np.float64]
     start: NDArray[np.float64]
+    shading: NDArray[np.float64]
     highest_known: float
     sign: float
     level: float
     max_slope: float
     domain: domain.Domain
     grid: PixelGrid
-    light: ParallelLight
+    model: Model
+    scheme: str
 
     @property
     def numbers(self) -> Grid:
         """The problem as the kernels want it."""
-        x_axis, y_axis = kernel_axes(self.grid, self.light)
+        x_axis, y_axis = self.model.axes(self.grid)
         boundary = self.domain.boundary
         return Grid(
             log_depth=self.start,
-            brightness=self.image,
+            brightness=self.shading,
             flags=self.domain.flags,
-            parameters=kernel_parameters(self.grid, self.light, sign=self.sign, max_slope=self.max_slope),
+            parameters=self.model.parameters(self.grid, sign=self.sign, max_slope=self.max_slope),
             x_axis=x_axis,
             y_axis=y_axis,
             cells=boundary.cells,
             inwards=boundary.inwards,
             edges=boundary.edges,
+            rim_cells=self.scheme == "lax-friedrichs",
         )
 
     def depth(
@@ -85,7 +94,7 @@ class Problem:
         log_depth += self.level
         log_depth *= self.sign
         reached = self.domain.solved & (np.abs(log_depth) < _LARGEST)
-        if not converged:
+        if not converged and np.isfinite(self.highest_known):
             step = self.max_slope * max(self.grid.dx, self.grid.dy)
             ways = domain.steps_from(self.domain.known, self.domain.known | self.domain.solved)
             reached &= values <= (self.highest_known + step * ways) * (1.0 + 1e-5) + 1e-6
@@ -98,21 +107,26 @@ class Problem:
 
     @property
     def degenerate(self) -> NDArray[np.bool_]:
-        """Pixels to solve where H is not coercive: {P : H(P) <= 0} is unbounded.
+        """Pixels to solve where the equation gives no bound to the slope.
 
-        The set is bounded where A = e² (I + xx') - ññ' of method, e = k E, is positive definite: for
-        e² > |ñ|² - (x·ñ)² / (1 + r²), with ñ = (x - p0, y - q0) and r² = x² + y².
+        Under a parallel light H is not coercive there: {P : H(P) <= 0} is unbounded. The set is bounded where A = e² (I + xx') - ññ' of method, e = k E, is positive definite: for
+        e² > |ñ|² - (x·ñ)² / (1 + r²), with ñ = (x - p0, y - q0) and r² = x² + y². Under a flash only a black pixel is
+        such a one.
         """
+        light = self.model.light
+        if not isinstance(light, ParallelLight):
+            black = self.image <= _BLACK * self.image[self.domain.solved].max()
+            return np.asarray(self.domain.solved & black)
         found = np.zeros_like(self.domain.solved)
         x = self.grid.x
         # By rows that fit the cache: over whole images the intermediate arrays would cost more than the arithmetic.
         for begin in range(0, len(found), 32):
             rows = slice(begin, begin + 32)
             y = self.grid.y[rows]
-            offset_x, offset_y = x - self.light.p0, y - self.light.q0
+            offset_x, offset_y = x - light.p0, y - light.q0
             along = x * offset_x + y * offset_y
             bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
-            found[rows] = self.domain.solved[rows] & ((self.light.norm * self.image[rows]) ** 2 <= bound)
+            found[rows] = self.domain.solved[rows] & ((light.norm * self.image[rows]) ** 2 <= bound)
         return found
 
 
@@ -122,7 +136,8 @@ def prepare(
     mask: ArrayLike | None,
     walls: ArrayLike | None,
     known_depth: ArrayLike | None,
-    light: ParallelLight,
+    model: Model,
+    scheme: str,
     surface: str,
     boundary: str,
     max_slope: float,
@@ -141,38 +156,64 @@ def prepare(
     grid = camera.grid(shape)
     wanted = _require_mask("mask", mask, shape, default=True)
     barriers = _require_mask("walls", walls, shape, default=False)
-    depths = _require_depths(known_depth, shape, wanted)
+    assumed = domain.rim(wanted) if not model.falls_off else np.zeros_like(wanted)
+    depths = _require_depths(known_depth, shape, assumed)
     if known_depth is None and wanted.any() and not (wanted & np.isnan(depths)).any():
         raise InputError(
             f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
             "left to solve: give known_depth."
         )
-    layout = domain.lay_out(wanted, np.isfinite(depths), barriers, boundary)
-    _require_shading(given, layout.solved)
+    layout = domain.lay_out(wanted, np.isfinite(depths), barriers, boundary, needs_known=not model.falls_off)
+    _require_shading(given, layout.solved, most=np.inf if model.falls_off else 1.0)
 
     sign = 1.0 if surface == "away" else -1.0
     known = sign * np.log(depths[layout.known])
-    # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
-    seen = domain.Neighbours.of(layout.solved).any[layout.known]
-    level = float(known[seen].min())
-    # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
-    steps = np.count_nonzero(layout.solved) + 1
-    highest_known = float(known[seen].max()) - level
-    start = np.full(shape, highest_known + steps * max_slope * max(grid.dx, grid.dy))
+    if model.falls_off:
+        shading, start, level = _at_unit_distance(given, layout.solved, grid, model)
+        highest_known = np.inf
+    else:
+        # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
+        seen = domain.Neighbours.of(layout.solved).any[layout.known]
+        level = float(known[seen].min())
+        # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
+        steps = np.count_nonzero(layout.solved) + 1
+        highest_known = float(known[seen].max()) - level
+        shading, start = given, np.full(shape, highest_known + steps * max_slope * max(grid.dx, grid.dy))
     start[layout.known] = known - level
+    if scheme == "upwind":
+        # What is not there must not look like a low neighbour.
+        start[~(layout.known | layout.solved)] = domain.NOWHERE
     return Problem(
         image=given,
         camera=camera,
         known_depth=depths,
         start=start,
+        shading=shading,
         highest_known=highest_known,
         sign=sign,
         level=level,
         max_slope=float(max_slope),
         domain=layout,
         grid=grid,
-        light=light,
+        model=model,
+        scheme=scheme,
     )
+
+
+def _at_unit_distance(
+    image: NDArray[np.float64], solved: NDArray[np.bool_], grid: PixelGrid, model: Model
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """F = I R² / κ, the start value of each pixel and the level subtracted from it.
+
+    From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light. Black pixels would
+    lie at infinity; they are given a little light.
+    """
+    lit = np.maximum(image, _BLACK * image[solved].max()) if solved.any() else image
+    shading = lit * (1.0 + grid.x**2 + grid.y**2) / model.light.gain  # type: ignore[union-attr] # a flash has a gain
+    start = np.zeros_like(shading)
+    start[solved] = 0.5 * np.log(model.reflectance.brightest / shading[solved])
+    level = float(np.median(start[solved]))
+    return shading * np.exp(2.0 * level), start - level, level
 
 
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
@@ -197,20 +238,22 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
     return given.astype(np.float64)
 
 
-def _require_shading(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
+def _require_shading(brightness: NDArray[np.float64], solved: NDArray[np.bool_], *, most: float) -> None:
     """Check the pixels that are used; the others may hold anything."""
     used = brightness[solved]
     if bad := int(np.count_nonzero(~np.isfinite(used))):
         raise InputError(f"image holds {bad} NaN or infinite values inside the mask: mask them out.")
     darkest, brightest = float(used.min()), float(used.max())
-    if darkest < 0.0 or brightest > 1.0 + 1e-6:
-        raise InputError(
-            f"image ranges from {darkest:g} to {brightest:g}: E must lie in [0, 1]. Use normalise_grey, or divide by "
-            "the brightest value."
+    if darkest < 0.0 or brightest > most + 1e-6:
+        remedy = (
+            "E must lie in [0, 1]. Use normalise_grey, or divide by the brightest value."
+            if np.isfinite(most)
+            else "light is not negative. Subtract less, or mask these pixels out."
         )
+        raise InputError(f"image ranges from {darkest:g} to {brightest:g}: {remedy}")
     if brightest == 0.0:
         raise InputError("image is all black inside the mask: it carries no shading to reconstruct from.")
-    if darkest == brightest and used.size > 1:
+    if darkest == brightest and used.size > 1 and np.isfinite(most):
         raise InputError(f"image is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from.")
 
 
@@ -225,9 +268,12 @@ def _require_mask(name: str, given: ArrayLike | None, shape: tuple[int, int], *,
     return pixels
 
 
-def _require_depths(given: ArrayLike | None, shape: tuple[int, int], wanted: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _require_depths(
+    given: ArrayLike | None, shape: tuple[int, int], assumed: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """The known depths; 1 at the pixels `assumed` when none are given."""
     if given is None:
-        return np.where(domain.rim(wanted), 1.0, np.nan)
+        return np.where(assumed, 1.0, np.nan)
     depths = as_array("known_depth", given)
     if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
         raise InputError(

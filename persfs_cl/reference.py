@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.camera import PixelGrid
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT, Boundary
-from persfs_cl.light import ParallelLight
+from persfs_cl.light import Light, ParallelLight
+from persfs_cl.reflectance import Lambertian, Reflectance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -30,8 +31,15 @@ def shade(p: Array, q: Array, x: Array, y: Array, light: ParallelLight) -> Array
     return (1.0 + (x - light.p0) * p + (y - light.q0) * q) / light.norm
 
 
-def reflectance_map(p: ArrayLike, q: ArrayLike, x: ArrayLike, y: ArrayLike, light: ParallelLight) -> Array:
-    """Brightness of a Lambertian surface under a parallel light, eq. (6).
+def reflectance_map(
+    p: ArrayLike,
+    q: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    light: ParallelLight,
+    reflectance: Reflectance = Lambertian(),
+) -> Array:
+    """Brightness under a parallel light, eq. (6) and its kin for other materials.
 
     Parameters
     ----------
@@ -40,15 +48,62 @@ def reflectance_map(p: ArrayLike, q: ArrayLike, x: ArrayLike, y: ArrayLike, ligh
     x, y : array_like
         Normalised image coordinates; everything broadcasts.
     light : ParallelLight
+    reflectance : Reflectance
 
     Returns
     -------
     ndarray of float64
-        E = n / (k S), at most 1. Negative where the surface turns its back to the light.
+        E, for a Lambertian surface n / (k S), at most 1. Negative where the surface turns its back to the light.
     """
-    gradient = np.asarray(p, np.float64), np.asarray(q, np.float64)
-    place = np.asarray(x, np.float64), np.asarray(y, np.float64)
-    return np.asarray(shade(*gradient, *place, light) / surface_norm(*gradient, *place))
+    p, q, x, y = (np.asarray(value, np.float64) for value in (p, q, x, y))
+    norm, ray = surface_norm(p, q, x, y), np.sqrt(1.0 + x**2 + y**2)
+    cosine_light = shade(p, q, x, y, light) / norm
+    cosine_between = (1.0 + x * light.p0 + y * light.q0) / (light.norm * ray)
+    return reflectance.shade(cosine_light, 1.0 / (ray * norm), cosine_between)
+
+
+def brightness(
+    log_depth: ArrayLike,
+    p: ArrayLike,
+    q: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    light: Light,
+    reflectance: Reflectance,
+) -> Array:
+    """Brightness of a surface under any light.
+
+    Parameters
+    ----------
+    log_depth : array_like
+        Z = ln z, with the depth in the unit of the light's gain and offset. It plays no part under a parallel light.
+    p, q, x, y : array_like
+        As for :func:`reflectance_map`; everything broadcasts.
+    light : ParallelLight or FlashLight
+    reflectance : Reflectance
+
+    Returns
+    -------
+    ndarray of float64
+        Eq. (6) under a parallel light. Under a flash κ c / ρ², or κ c without fall-off, with ρ the distance to the
+        lamp (section 4 of the method). Negative where the surface turns its back to the light.
+    """
+    if isinstance(light, ParallelLight):
+        return reflectance_map(p, q, x, y, light, reflectance)
+    p, q, x, y = (np.asarray(value, np.float64) for value in (p, q, x, y))
+    depth, norm, ray = np.exp(np.asarray(log_depth, np.float64)), surface_norm(p, q, x, y), np.sqrt(1.0 + x**2 + y**2)
+    cosine_view = 1.0 / (ray * norm)
+    if light.coaxial:
+        distance = depth * ray
+        returned = reflectance.coaxial(cosine_view)
+    else:
+        # From the surface to the lamp; the unit normal is (p, q, -w) / S, the direction to the viewer -(x, y, 1) / R.
+        right, down, forward = (place - depth * along for place, along in zip(light.offset, (x, y, 1.0), strict=True))
+        distance = np.sqrt(right**2 + down**2 + forward**2)
+        cosine_light = (p * right + q * down - (1.0 + x * p + y * q) * forward) / (norm * distance)
+        cosine_between = -(x * right + y * down + forward) / (ray * distance)
+        returned = reflectance.shade(cosine_light, cosine_view, cosine_between)
+    return np.asarray(light.gain * (returned / distance**2 if light.falloff else returned))
 
 
 def hamiltonian(brightness: Array, p: Array, q: Array, x: Array, y: Array, light: ParallelLight) -> Array:

@@ -15,10 +15,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.errors import InputError
-from persfs_cl.light import ParallelLight
-from persfs_cl.reference import reflectance_map
+from persfs_cl.light import Light, ParallelLight
+from persfs_cl.reference import brightness
+from persfs_cl.reflectance import Lambertian, Reflectance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,6 +27,7 @@ Surface = Literal["away", "toward"]
 VaseKnown = Literal["background and frame", "background"]
 
 _FRONTAL = ParallelLight()
+_MATT = Lambertian()
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,24 +38,30 @@ class Scene:
     ----------
     depth : ndarray of float64, shape (height, width)
         True depth z > 0 along the optical axis, in units of the depth of the background or frame unless the
-        scene says otherwise.
+        scene says otherwise. The gain and the offset of a flash are in the same unit.
     image : ndarray of float64, shape (height, width)
-        Normalised reflectance E in [0, 1], eq. (6) from the analytic slopes. Self-shadowed pixels are 0.
+        Brightness of the analytic surface, quantised, with noise as asked for; self-shadowed pixels are 0. Under a
+        parallel light E of eq. (6), cut off at 1; under a flash I, as large as its gain makes it.
     camera : Camera
         Its principal point is the image centre.
     mask : ndarray of bool, shape (height, width)
         True on the surface to reconstruct.
     known_depth : ndarray of float64, shape (height, width)
-        True depth where a solver may know it, NaN elsewhere.
+        True depth where a solver under a parallel light may know it, NaN elsewhere. A flash photograph with fall-off
+        determines the surface without.
     log_depth_gradient : tuple of two ndarray of float64, shape (height, width)
         p = dZ/dx and q = dZ/dy of Z = ln z in normalised image coordinates, x right and y down.
-    light : ParallelLight
+    light : ParallelLight or FlashLight
+    reflectance : Reflectance
     surface : {"away", "toward"}
         Which way the surface leaves the values in ``known_depth``: the solver's keyword of that name.
     name : str
     singular_point : tuple of float or None
         (row, column), in pixels, of the scene's only peak or pit, where E = 1. None when the scene has
-        several, or when the light is oblique, which moves E = 1 off the peak.
+        several, or when its light is oblique or a flash or its material not Lambertian, which moves E = 1 off the
+        peak.
+    walls : ndarray of bool, shape (height, width), or None
+        The nearer pixel of every two inside the mask between which the depth jumps. None where nothing jumps.
     """
 
     depth: Array
@@ -62,10 +70,12 @@ class Scene:
     mask: Mask
     known_depth: Array
     log_depth_gradient: tuple[Array, Array]
-    light: ParallelLight
+    light: Light
+    reflectance: Reflectance
     surface: Surface
     name: str
     singular_point: tuple[float, float] | None = None
+    walls: Mask | None = None
 
     def seeded(self) -> Scene:
         """Give the same scene with only its singular point known, as when an object's top is measured.
@@ -83,8 +93,8 @@ class Scene:
         """
         if self.singular_point is None:
             raise InputError(
-                f"the scene {self.name!r} under {self.light} has no single singular point to be seeded from:"
-                " use its known_depth, or take bump or sphere_cap under a frontal light."
+                f"the scene {self.name!r} under {self.light} has no single singular point to be seeded from: use its"
+                " known_depth, or take a Lambertian bump or sphere_cap under a frontal light."
             )
         row, column = self.singular_point
         rows, columns = np.ogrid[: self.depth.shape[0], : self.depth.shape[1]]
@@ -96,11 +106,68 @@ class Scene:
         )
 
 
+@dataclass(frozen=True)
+class _Photograph:
+    """How a scene is lit and taken."""
+
+    light: Light
+    reflectance: Reflectance
+    bits: int | None
+    noise: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.light, Light):
+            raise InputError(f"light={self.light!r} is no light: give a ParallelLight or a FlashLight.")
+        if not isinstance(self.reflectance, Reflectance):
+            raise InputError(f"reflectance={self.reflectance!r} is no material: give Lambertian(), OrenNayar or Phong.")
+        if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
+            raise InputError(f"bits={self.bits!r} is no quantisation: give 1 to 32, or None for unquantised.")
+        _check_finite("noise", self.noise)
+        if self.noise < 0:
+            raise InputError(f"noise={self.noise!r} is below 0: give a share of the brightest value, 0 for none.")
+        if not (_is_whole(self.seed) and self.seed >= 0):
+            raise InputError(f"seed={self.seed!r} starts no random numbers: give a whole number of at least 0.")
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Slopes of the plane that faces the light; the camera's own light faces what the camera faces."""
+        return (self.light.p0, self.light.q0) if isinstance(self.light, ParallelLight) else (0.0, 0.0)
+
+    @property
+    def brightest_on_top(self) -> bool:
+        """Whether a peak or pit has E = 1, wherever in the image it is."""
+        return self.light == _FRONTAL and self.reflectance == _MATT
+
+    def taken(self, depth: Array, log_depth_gradient: tuple[Array, Array], grid: PixelGrid) -> Array:
+        """The image of a surface."""
+        exact = brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.light, self.reflectance)
+        image = self._in_range(exact)
+        if not image.any():
+            raise InputError(f"light={self.light!r} lights nothing that the camera sees: move it to the camera.")
+        if self.noise:
+            spread = self.noise * self._white(image)
+            image = self._in_range(image + np.random.default_rng(self.seed).normal(scale=spread, size=image.shape))
+        if self.bits is None:
+            return image
+        white, levels = self._white(image), 2 ** int(self.bits) - 1
+        return np.asarray(np.round(image * (levels / white)) / levels * white)
+
+    def _in_range(self, image: Array) -> Array:
+        return np.clip(image, 0.0, 1.0 if isinstance(self.light, ParallelLight) else None)
+
+    def _white(self, image: Array) -> float:
+        return 1.0 if isinstance(self.light, ParallelLight) else float(image.max())
+
+
 def vase(
     shape: tuple[int, int] = (100, 100),
     *,
-    light: ParallelLight = _FRONTAL,
+    light: Light = _FRONTAL,
+    reflectance: Reflectance = _MATT,
     bits: int | None = 8,
+    noise: float = 0.0,
+    seed: int = 0,
     offset: float = 1.0,
     surface: Surface = "away",
     known: VaseKnown = "background and frame",
@@ -115,9 +182,16 @@ def vase(
     ----------
     shape : tuple of int
         (height, width) in pixels, at least 3 × 3. The paper's is 100 × 100.
-    light : ParallelLight
+    light : ParallelLight or FlashLight
+    reflectance : Reflectance
     bits : int or None
-        Grey levels of the image, 2**bits; None leaves it unquantised.
+        Grey levels of the image, 2**bits; None leaves it unquantised. The highest level is 1, under a flash the
+        brightest value of the image.
+    noise : float
+        Standard deviation of normal noise, added before quantisation, as a share of 1, under a flash of the brightest
+        value of the image. What it takes below 0 or, but for a flash, above 1 is cut off.
+    seed : int
+        The same seed, at least 0, gives the same noise.
     offset : float
         Depth of the background, which the paper leaves open.
     surface : {"away", "toward"}
@@ -138,6 +212,7 @@ def vase(
         When an argument is out of its range, or the vase would reach the camera.
     """
     height, width = _checked_shape(shape)
+    photograph = _Photograph(light, reflectance, bits, noise, seed)
     _check_choice("surface", surface, get_args(Surface))
     _check_choice("known", known, get_args(VaseKnown))
     _check_positive("offset", offset)
@@ -158,16 +233,19 @@ def vase(
     # v points up and y down, hence the opposite signs.
     p, q = -u * scale, -radius * radius_slope * scale
     known_here = ~inside if known == "background" else ~inside | _frame(shape)
-    return _scene("vase", camera, light, surface, bits, depth, (p, q), mask=inside, known=known_here)
+    return _scene("vase", camera, photograph, surface, depth, (p, q), mask=inside, known=known_here)
 
 
 def bump(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: ParallelLight = _FRONTAL,
+    light: Light = _FRONTAL,
+    reflectance: Reflectance = _MATT,
     surface: Surface = "away",
     bits: int | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
     orientation: float = 0.0,
     relief: float = 0.2,
 ) -> Scene:
@@ -184,11 +262,12 @@ def bump(
         (height, width) in pixels, at least 3 × 3.
     focal_length : float, tuple of float or None
         In pixels, f or (fx, fy); None = the image width, a view of 53°.
-    light : ParallelLight
+    light : ParallelLight or FlashLight
+    reflectance : Reflectance
     surface : {"away", "toward"}
         Whether the bump leaves the frame away from the camera (a hollow) or toward it.
-    bits : int or None
-        Grey levels of the image, 2**bits; None leaves it unquantised.
+    bits, noise, seed
+        As for :func:`vase`.
     orientation : float
         Turns the surface, not the light, counter-clockwise in the displayed image, in degrees.
     relief : float
@@ -207,13 +286,14 @@ def bump(
     CameraError
         When the focal length is impossible.
     """
+    photograph = _Photograph(light, reflectance, bits, noise, seed)
 
     def profile(x: Array, y: Array) -> tuple[Array, Array, Array]:
         value = np.exp(-(x**2) - 3 * y**2)
         return value, -2 * x * value, -6 * y * value
 
-    scene = _framed("bump", profile, shape, focal_length, light, surface, bits, orientation, relief)
-    if light != _FRONTAL:
+    scene = _framed("bump", profile, shape, focal_length, photograph, surface, orientation, relief)
+    if not photograph.brightest_on_top:
         return scene
     return replace(scene, singular_point=((shape[0] - 1) / 2, (shape[1] - 1) / 2))
 
@@ -222,9 +302,12 @@ def bumps(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: ParallelLight = _FRONTAL,
+    light: Light = _FRONTAL,
+    reflectance: Reflectance = _MATT,
     surface: Surface = "away",
     bits: int | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
     orientation: float = 0.0,
     relief: float = 0.1,
 ) -> Scene:
@@ -241,7 +324,7 @@ def bumps(
 
     Parameters
     ----------
-    shape, focal_length, light, surface, bits, orientation
+    shape, focal_length, light, reflectance, surface, bits, noise, seed, orientation
         As for :func:`bump`.
     relief : float
         Height of each bump before the factor (1 - ξ²)(1 - η²), in units of the depth of the frame.
@@ -258,6 +341,7 @@ def bumps(
     CameraError
         When the focal length is impossible.
     """
+    photograph = _Photograph(light, reflectance, bits, noise, seed)
 
     def profile(x: Array, y: Array) -> tuple[Array, Array, Array]:
         total, slope_x, slope_y = np.zeros((3, *np.broadcast_shapes(x.shape, y.shape)))
@@ -269,20 +353,91 @@ def bumps(
             slope_y -= 24 * down * value
         return total, slope_x, slope_y
 
-    scene = _framed("bumps", profile, shape, focal_length, light, surface, bits, orientation, relief)
+    scene = _framed("bumps", profile, shape, focal_length, photograph, surface, orientation, relief)
     grid = scene.camera.grid(shape)
-    above_lit_plane = np.log(scene.depth * (1 + grid.x * light.p0 + grid.y * light.q0))
+    p0, q0 = photograph.tilt
+    above_lit_plane = np.log(scene.depth * (1 + grid.x * p0 + grid.y * q0))
     lowest = _local_minima(above_lit_plane if surface == "away" else -above_lit_plane)
     return replace(scene, known_depth=np.where(lowest, scene.depth, scene.known_depth))
+
+
+def hillside(
+    shape: tuple[int, int] = (100, 100),
+    *,
+    focal_length: float | tuple[float, float] | None = None,
+    light: Light = _FRONTAL,
+    reflectance: Reflectance = _MATT,
+    surface: Surface = "away",
+    bits: int | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
+    orientation: float = 0.0,
+    relief: float = 0.15,
+) -> Scene:
+    """A smooth hollow or hill on a slope, off the middle: nothing about it is special to a pixel or to the frame.
+
+    depth = (1 ± relief exp(-4 |X - C|²)) / (1 + u² F·X), C = (0.3, -0.2), F = (-0.4, 0.25), in the coordinates of
+    :func:`bump` and with their unit u: a plane through depth 1 that faces the camera at X = F, and on it the bump.
+
+    At every edge of the image a hill moves away from the camera, so that a flash photograph determines it without
+    any boundary values. So does a hollow in a view as wide as the default one; in a narrow view it comes closer
+    towards an edge, and the depth of that edge must be known.
+
+    Parameters
+    ----------
+    shape, focal_length, light, reflectance, bits, noise, seed, orientation
+        As for :func:`bump`.
+    surface : {"away", "toward"}
+        Whether the bump is a hollow in the slope, or a hill.
+    relief : float
+        Height of the bump, as a share of the depth of the slope.
+
+    Returns
+    -------
+    Scene
+        ``mask`` is True everywhere, ``known_depth`` is given on the frame.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, the hill would reach the camera, or the view is so wide that it looks
+        past the slope.
+    CameraError
+        When the focal length is impossible.
+    """
+    photograph = _Photograph(light, reflectance, bits, noise, seed)
+    _check_choice("surface", surface, get_args(Surface))
+    _check_positive("relief", relief)
+    camera = _camera(shape, focal_length)
+    grid = camera.grid(shape)
+    unit = min(shape[1] * grid.dx, shape[0] * grid.dy) / 2
+    cosine, sine = _turn(orientation)
+    right, down = (cosine * grid.x - sine * grid.y) / unit, (sine * grid.x + cosine * grid.y) / unit
+
+    signed_relief = relief if surface == "away" else -relief
+    value = signed_relief * np.exp(-4 * ((right - 0.3) ** 2 + (down + 0.2) ** 2))
+    fall_right, fall_down = -0.4 * unit**2, 0.25 * unit**2
+    plane = 1 + fall_right * right + fall_down * down
+    if plane.min() <= 0:
+        raise InputError(f"focal_length={focal_length!r} gives a view that looks past the slope: give more.")
+    if value.min() <= -1:
+        raise InputError(f"relief={relief!r} takes the surface behind the camera: give less.")
+    slope_right = -8 * (right - 0.3) * value / (1 + value) - fall_right / plane
+    slope_down = -8 * (down + 0.2) * value / (1 + value) - fall_down / plane
+    p, q = (cosine * slope_right + sine * slope_down) / unit, (cosine * slope_down - sine * slope_right) / unit
+    return _scene("hillside", camera, photograph, surface, (1 + value) / plane, (p, q))
 
 
 def sphere_cap(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: ParallelLight = _FRONTAL,
+    light: Light = _FRONTAL,
+    reflectance: Reflectance = _MATT,
     surface: Surface = "away",
     bits: int | None = None,
+    noise: float = 0.0,
+    seed: int = 0,
     orientation: float = 0.0,
     relief: float = 0.1,
     radius: float = 0.6,
@@ -297,7 +452,7 @@ def sphere_cap(
 
     Parameters
     ----------
-    shape, focal_length, light, bits, orientation
+    shape, focal_length, light, reflectance, bits, noise, seed, orientation
         As for :func:`bump`.
     surface : {"away", "toward"}
         A spherical hollow in the plane, or a cap that stands out of it.
@@ -324,6 +479,7 @@ def sphere_cap(
     CameraError
         When the focal length is impossible.
     """
+    photograph = _Photograph(light, reflectance, bits, noise, seed)
     _check_choice("surface", surface, get_args(Surface))
     _check_positive("relief", relief)
     _check_positive("radius", radius)
@@ -364,9 +520,9 @@ def sphere_cap(
         np.divide(sign * (middle - depth * slope), root, out=np.zeros_like(depth), where=inside)
         for middle, slope in ((centre_x, grid.x), (centre_y, grid.y))
     )
-    known = _frame(shape) if light == _FRONTAL else _frame(shape) | ~inside
-    scene = _scene("sphere cap", camera, light, surface, bits, depth, (p, q), known=known)
-    if light != _FRONTAL:
+    known = _frame(shape) if photograph.tilt == (0.0, 0.0) else _frame(shape) | ~inside
+    scene = _scene("sphere cap", camera, photograph, surface, depth, (p, q), known=known)
+    if not photograph.brightest_on_top:
         return scene
     top = 1 + sign * relief
     # Rounded so that a top on a pixel centre is found there in spite of rounding.
@@ -380,9 +536,8 @@ def _framed(
     profile: Callable[[Array, Array], tuple[Array, Array, Array]],
     shape: tuple[int, int],
     focal_length: float | tuple[float, float] | None,
-    light: ParallelLight,
+    photograph: _Photograph,
     surface: Surface,
-    bits: int | None,
     orientation: float,
     relief: float,
 ) -> Scene:
@@ -407,38 +562,28 @@ def _framed(
         raise InputError(f"relief={relief!r} takes the surface behind the camera: give less.")
     p = signed_relief * window_y * (window_x * slope_x - 2 * grid.x / half_width**2 * value) / depth
     q = signed_relief * window_x * (window_y * slope_y - 2 * grid.y / half_height**2 * value) / depth
-    return _scene(name, camera, light, surface, bits, depth, (p, q))
+    return _scene(name, camera, photograph, surface, depth, (p, q))
 
 
 def _scene(
     name: str,
     camera: Camera,
-    light: ParallelLight,
+    photograph: _Photograph,
     surface: Surface,
-    bits: int | None,
     depth: Array,
     log_depth_gradient: tuple[Array, Array],
     *,
     mask: Mask | None = None,
     known: Mask | None = None,
 ) -> Scene:
-    """Light the surface and put the scene together: by default all is to be solved and the frame is known."""
-    if not isinstance(light, ParallelLight):
-        raise InputError(
-            f"light={light!r} is not a ParallelLight: render the scene's depth to see it under another light."
-        )
+    """Photograph the surface and put the scene together: by default all is to be solved and the frame is known."""
     shape = (depth.shape[0], depth.shape[1])
-    grid = camera.grid(shape)
-    image = np.clip(reflectance_map(*log_depth_gradient, grid.x, grid.y, light), 0.0, 1.0)
-    if bits is not None:
-        if not isinstance(bits, Integral) or isinstance(bits, bool) or not 1 <= bits <= 32:
-            raise InputError(f"bits={bits!r} is no quantisation: give 1 to 32, or None for unquantised.")
-        levels = 2 ** int(bits) - 1
-        image = np.round(image * levels) / levels
+    image = photograph.taken(depth, log_depth_gradient, camera.grid(shape))
     if mask is None:
         mask = np.ones(shape, dtype=bool)
     known_depth = np.where(_frame(shape) if known is None else known, depth, np.nan)
-    return Scene(depth, image, camera, mask, known_depth, log_depth_gradient, light, surface, name)
+    light, reflectance = photograph.light, photograph.reflectance
+    return Scene(depth, image, camera, mask, known_depth, log_depth_gradient, light, reflectance, surface, name)
 
 
 def _camera(shape: tuple[int, int], focal_length: float | tuple[float, float] | None) -> Camera:
@@ -471,6 +616,10 @@ def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
     if len(sides) != 2 or not all(isinstance(side, Integral) and side >= 3 for side in sides):
         raise InputError(f"shape={shape!r} is no image size: give (height, width), both whole and at least 3.")
     return sides[0], sides[1]
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

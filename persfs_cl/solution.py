@@ -6,7 +6,7 @@ import enum
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +19,8 @@ from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, atomic_path, filling
-from persfs_cl.light import ParallelLight
-from persfs_cl.reflectance import Lambertian
+from persfs_cl.light import Light, ParallelLight
+from persfs_cl.reflectance import Reflectance
 
 if TYPE_CHECKING:
     import trimesh
@@ -81,7 +81,7 @@ class Solution:
     elapsed : Elapsed
     device : Device
     image : ndarray of float64, shape (height, width)
-        The brightness E that was reconstructed.
+        The brightness that was reconstructed: E, or that under the flash.
     camera, light, reflectance
         As given.
     parameters : mapping
@@ -100,8 +100,8 @@ class Solution:
     device: Device
     image: Array = field(repr=False)
     camera: Camera
-    light: ParallelLight
-    reflectance: Lambertian
+    light: Light
+    reflectance: Reflectance
     parameters: Mapping[str, Any]
 
     def normals(self) -> Array:
@@ -121,8 +121,15 @@ class Solution:
             Vertex colours; the image itself, encoded for display, when not given.
         """
         if colour is None:
-            colour = images.to_display(np.nan_to_num(self.image))
+            colour = images.to_display(np.nan_to_num(self.image / self.white))
         return surface.mesh(self.depth, self.camera, colour)
+
+    @property
+    def white(self) -> float:
+        """Brightness that is drawn white and counts 255 grey levels: 1, or under a flash the image's brightest."""
+        if isinstance(self.light, ParallelLight):
+            return 1.0
+        return float(self.image[self.solved].max()) if self.solved.any() else 1.0
 
     def render(self) -> Array:
         """The surface photographed again under its own light, eq. (6); NaN where not solved."""
@@ -136,11 +143,12 @@ class Solution:
         Parameters
         ----------
         photo : ndarray of float, shape (height, width), optional
-            Compare with this image on the scale of E, such as the photograph before smoothing, instead of with the
+            Compare with this image, on the same scale, such as the photograph before smoothing, instead of with the
             prepared :attr:`image`.
         """
         given = self.image if photo is None else photo
-        return metrics.compare(255.0 * np.clip(self.render(), 0.0, 1.0), 255.0 * given)
+        grey = 255.0 / self.white
+        return metrics.compare(grey * np.clip(self.render(), 0.0, self.white), grey * given)
 
     def report(self) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON."""
@@ -175,8 +183,8 @@ class Solution:
             "parameters": {
                 "focal_length": [self.camera.fx, self.camera.fy],
                 "principal_point": list(self.camera.centre((height, width))),
-                "light": {"kind": type(self.light).__name__, "p0": self.light.p0, "q0": self.light.q0},
-                "reflectance": type(self.reflectance).__name__,
+                "light": {"kind": type(self.light).__name__, **asdict(self.light)},
+                "reflectance": {"kind": type(self.reflectance).__name__, **asdict(self.reflectance)},  # type: ignore[call-overload]
                 **self.parameters,
             },
             "device": {
@@ -259,10 +267,10 @@ class Solution:
             )
 
     def _draw(self, folder: Path) -> list[Path]:
-        rendered = self.render()
+        rendered, image = self.render() / self.white, self.image / self.white
         pictures.normals_picture(folder / "normals.png", self.normals())
-        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, self.image)
+        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, image)
         images.write_grey(folder / "rendered.png", rendered)
-        pictures.comparison_picture(folder / "comparison.png", self.image, rendered, photo_title="Prepared photograph")
+        pictures.comparison_picture(folder / "comparison.png", image, rendered, photo_title="Prepared photograph")
         pictures.convergence_picture(folder / "convergence.png", self.changes, self.parameters["tolerance"])
         return [folder / f"{name}.png" for name in ("normals", "relief", "rendered", "comparison", "convergence")]

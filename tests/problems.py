@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from persfs_cl import Camera, Device, ParallelLight
+from persfs_cl import Camera, Device, Lambertian, ParallelLight
 from persfs_cl._cl.launches import Sweeper, Tuning
+from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 from persfs_cl.reference import Reference
 
@@ -18,6 +19,7 @@ def random_problem(
     boundary: str = "outflow",
     light: ParallelLight = ParallelLight(),
     holes: float = 0.1,
+    scheme: str = "lax-friedrichs",
 ) -> Problem:
     """An image of noise with holes in the mask and a few known depths."""
     random = np.random.default_rng(seed)
@@ -31,7 +33,9 @@ def random_problem(
         known[:] = np.nan
         known[row, column] = 1.0
     camera = Camera(focal_length=(1.1 * max(shape) + 3, 0.9 * max(shape) + 3))
-    return prepare(image, camera, mask | (np.arange(shape[1]) < 2), None, known, light, surface, boundary, 30.0)
+    model = Model.of(light, Lambertian())
+    inside = mask | (np.arange(shape[1]) < 2)
+    return prepare(image, camera, inside, None, known, model, scheme, surface, boundary, 30.0)
 
 
 def sweeper(
@@ -51,8 +55,7 @@ def sweeper(
     return Sweeper(
         device,
         [problem.numbers],
-        model="parallel_light",
-        scheme="lax_friedrichs",
+        model=problem.model.kernels_with(problem.scheme),
         ordering=ordering,
         precision=precision,
         linear=linear,
@@ -69,7 +72,7 @@ def reference(problem: Problem, *, linear: bool = False) -> Reference:
         flags=problem.domain.flags,
         boundary=problem.domain.boundary,
         grid=problem.grid,
-        light=problem.light,
+        light=problem.model.light,
         sign=problem.sign,
         max_slope=problem.max_slope,
         linear=linear,

@@ -133,8 +133,7 @@ def test_yardsticks_give_the_bits_of_the_lexicographic_sweep(
         sweeps = Sweeper(
             device,
             [grid],
-            model="parallel_light",
-            scheme="lax_friedrichs",
+            model=("parallel_light", "lax_friedrichs"),
             ordering="lexicographic",
             precision=precision,
         )

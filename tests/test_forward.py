@@ -58,7 +58,7 @@ def test_mask_hides_pixels_and_cuts_derivatives() -> None:
         (np.zeros((3, 3)), {}, "down to 0"),
         (np.full((3, 3), np.nan), {}, "no finite value"),
         (np.ones((3, 3)), {"mask": np.ones((2, 2), bool)}, "mask"),
-        (np.ones((3, 3)), {"light": 3}, "no known model"),
+        (np.ones((3, 3)), {"light": 3}, "no known light"),
     ],
 )
 def test_bad_input_is_refused(depth: Any, keywords: dict[str, Any], message: str) -> None:

@@ -147,8 +147,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, prec
         shared = Sweeper(
             device,
             [problem.numbers for problem in members],
-            model="parallel_light",
-            scheme="lax_friedrichs",
+            model=("parallel_light", "lax_friedrichs"),
             ordering=ordering,
             precision=precision,
             tolerance=1e-3,

@@ -8,20 +8,27 @@ import pytest
 from numpy.typing import NDArray
 
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.light import ParallelLight
-from persfs_cl.reference import reflectance_map
-from persfs_cl.scenes import Scene, bump, bumps, sphere_cap, vase
+from persfs_cl.light import FlashLight, Light, ParallelLight
+from persfs_cl.reference import brightness, reflectance_map
+from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
+from persfs_cl.scenes import Scene, bump, bumps, hillside, sphere_cap, vase
 
 Array = NDArray[np.float64]
 MakeScene = Callable[..., Scene]
 
 FRONTAL = ParallelLight()
 OBLIQUE = ParallelLight(0.05, -0.03)
+FLASH = FlashLight(gain=3.0)
+BESIDE = FlashLight(gain=3.0, offset=(0.1, -0.05, -0.02))
 
 every_surface = pytest.mark.parametrize("surface", ["away", "toward"])
 every_light = pytest.mark.parametrize("light", [FRONTAL, OBLIQUE], ids=["frontal", "oblique"])
-every_scene = pytest.mark.parametrize("make", [vase, bump, bumps, sphere_cap])
-every_free_scene = pytest.mark.parametrize("make", [bump, bumps, sphere_cap])
+every_flash = pytest.mark.parametrize("light", [FLASH, BESIDE], ids=["coaxial", "beside"])
+every_material = pytest.mark.parametrize(
+    "reflectance", [Lambertian(), OrenNayar(0.4), Phong()], ids=["lambertian", "oren-nayar", "phong"]
+)
+every_scene = pytest.mark.parametrize("make", [vase, bump, bumps, hillside, sphere_cap])
+every_free_scene = pytest.mark.parametrize("make", [bump, bumps, hillside, sphere_cap])
 
 
 def interior(values: Array) -> Array:
@@ -163,6 +170,7 @@ def test_equation_determines_every_pixel(make: MakeScene, surface: Any, light: P
 def unknown_dips(scene: Scene) -> int:
     """How many unknown pixels have only higher neighbours, as seen from the plane that faces the light."""
     grid = scene.camera.grid((scene.depth.shape[0], scene.depth.shape[1]))
+    assert isinstance(scene.light, ParallelLight)
     height = np.log(scene.depth) + np.log(1 + grid.x * scene.light.p0 + grid.y * scene.light.q0)
     if scene.surface == "toward":
         height = -height
@@ -273,6 +281,37 @@ def test_bump_is_the_documented_formula(surface: Any) -> None:
 
 
 @every_surface
+def test_hillside_is_a_plane_and_the_documented_bump(surface: Any) -> None:
+    scene = hillside((31, 45), surface=surface, relief=0.2, focal_length=40.0, orientation=30)
+    grid = scene.camera.grid((31, 45))
+    x, y = np.broadcast_arrays(grid.x, grid.y)
+    unit, angle = 15.5 / 40, np.radians(30)
+    right, down = (x * np.cos(angle) - y * np.sin(angle)) / unit, (x * np.sin(angle) + y * np.cos(angle)) / unit
+    value = 0.2 * np.exp(-4 * ((right - 0.3) ** 2 + (down + 0.2) ** 2))
+    plane = scene.depth / (1 + value if surface == "away" else 1 - value)
+    # The plane through (0, 0, 1) whose normal is the viewing ray at X = (-0.4, 0.25).
+    across = unit * (-0.4 * np.cos(angle) + 0.25 * np.sin(angle))
+    along = unit * (0.4 * np.sin(angle) + 0.25 * np.cos(angle))
+    np.testing.assert_allclose(plane * (x * across + y * along + 1), 1, rtol=1e-13)
+
+
+@every_surface
+@pytest.mark.parametrize("focal_length", [None, 300.0])
+@pytest.mark.parametrize("orientation", [0.0, 30.0, 200.0])
+def test_flash_determines_the_hillside_without_boundary_values(
+    surface: Any, focal_length: float | None, orientation: float
+) -> None:
+    """At every edge the solution's characteristics leave the image: -∂H/∂P = -(A P + b) points inwards."""
+    scene = hillside((40, 50), surface=surface, focal_length=focal_length, orientation=orientation)
+    grid = scene.camera.grid((40, 50))
+    p, q = scene.log_depth_gradient
+    w = 1 + grid.x * p + grid.y * q
+    rightwards, downwards = p + grid.x * w, q + grid.y * w
+    least = min((-rightwards[:, 0]).min(), rightwards[:, -1].min(), (-downwards[0]).min(), downwards[-1].min())
+    assert (least > 0) == (surface == "toward" or focal_length is None)
+
+
+@every_surface
 def test_sphere_cap_lies_on_a_sphere_and_a_plane(surface: Any) -> None:
     scene = sphere_cap((61, 61), surface=surface, relief=0.12, radius=0.5, centre=(0.3, -0.1))
     grid = scene.camera.grid((61, 61))
@@ -301,7 +340,7 @@ def test_same_surface_at_every_image_size(make: MakeScene) -> None:
     np.testing.assert_allclose(fine.image[1::3, 1::3], coarse.image, atol=1e-11)
 
 
-@every_free_scene
+@pytest.mark.parametrize("make", [bump, bumps, sphere_cap])
 def test_scenes_fill_the_view_of_any_focal_length(make: MakeScene) -> None:
     scene = make((40, 50), focal_length=(200.0, 150.0), relief=0.01)
     assert (np.abs(scene.depth - 1) > 0.005).any()
@@ -310,6 +349,152 @@ def test_scenes_fill_the_view_of_any_focal_length(make: MakeScene) -> None:
     assert not np.isnan(scene.known_depth[:, [0, -1]]).any()
     assert np.abs(scene.depth[[0, -1], :] - 1).max() < 0.001
     assert scene.mask.all()
+
+
+@every_scene
+@every_surface
+@every_flash
+@every_material
+def test_flash_image_is_that_of_the_surface_in_space(
+    make: MakeScene, surface: Any, light: FlashLight, reflectance: Reflectance
+) -> None:
+    """From points and normals in space, the normals from differences, which tend to the true ones with order 2."""
+    errors = []
+    for size in (80, 160):
+        scene = make((size, size), light=light, reflectance=reflectance, surface=surface, bits=None)
+        grid = scene.camera.grid(scene.image.shape)
+        points = np.stack(np.broadcast_arrays(scene.depth * grid.x, scene.depth * grid.y, scene.depth))
+        tangents = [central_differences(coordinate, scene) for coordinate in points]
+        along_x, along_y = np.moveaxis(np.array(tangents), 0, -1)
+        normal = np.cross(along_y, along_x)
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        at = np.moveaxis(points, 0, -1)[1:-1, 1:-1]
+        to_lamp = np.array(light.offset) - at
+        distance = np.linalg.norm(to_lamp, axis=-1)
+        to_lamp /= distance[..., None]
+        to_camera = -at / np.linalg.norm(at, axis=-1, keepdims=True)
+        lit, seen, between = (
+            (one * other).sum(-1) for one, other in ((normal, to_lamp), (normal, to_camera), (to_lamp, to_camera))
+        )
+        expected = light.gain * np.maximum(reflectance.shade(lit, seen, between), 0) / distance**2
+        errors.append(root_mean_square((expected - interior(scene.image))[smooth(scene)]))
+    assert errors[-1] < 0.02
+    assert order(errors) == pytest.approx(2, abs=0.25)
+
+
+def test_flash_on_a_plane_that_faces_the_camera() -> None:
+    """At depth d the lamp at the camera is d R away and stands at cos θ = 1 / R."""
+    x, y = np.linspace(-0.6, 0.5, 7), np.linspace(-0.3, 0.4, 5)[:, None]
+    ray = np.sqrt(1 + x**2 + y**2)
+    log_depth = np.full((5, 7), np.log(2.5))
+    image = brightness(log_depth, 0.0, 0.0, x, y, FlashLight(gain=8.0), Lambertian())
+    np.testing.assert_allclose(image, 8.0 / ray / (2.5 * ray) ** 2, rtol=1e-14)
+    unfading = brightness(log_depth, 0.0, 0.0, x, y, FlashLight(falloff=False, gain=8.0), Lambertian())
+    np.testing.assert_allclose(np.broadcast_to(unfading, (5, 7)), 8.0 / ray, rtol=1e-14)
+    # The same plane lit from (0.3, -0.2, 1), in the plane z = 1, which is 1.5 from it.
+    beside = brightness(log_depth, 0.0, 0.0, x, y, FlashLight(gain=8.0, offset=(0.3, -0.2, 1.0)), Lambertian())
+    squared = 1.5**2 + (2.5 * x - 0.3) ** 2 + (2.5 * y + 0.2) ** 2
+    np.testing.assert_allclose(beside, 8.0 * 1.5 / squared**1.5, rtol=1e-14)
+
+
+def hillside_under(light: Light, reflectance: Reflectance, enlarged: float = 1.0) -> Array:
+    scene = hillside((9, 12))
+    grid, (p, q) = scene.camera.grid((9, 12)), scene.log_depth_gradient
+    return brightness(np.log(enlarged * scene.depth), p, q, grid.x, grid.y, light, reflectance)
+
+
+@every_material
+@pytest.mark.parametrize("falloff", [True, False])
+def test_a_lamp_near_the_camera_tends_to_one_at_the_camera(reflectance: Reflectance, falloff: bool) -> None:
+    at_camera = hillside_under(FlashLight(falloff=falloff), reflectance)
+    errors = []
+    for near in (1e-3, 1e-6):
+        beside = FlashLight(falloff=falloff, offset=(near, -near, 0.5 * near))
+        errors.append(np.abs(hillside_under(beside, reflectance) - at_camera).max())
+    assert 0 < errors[0] < 0.02
+    assert errors[1] < 1.01e-3 * errors[0]
+
+
+@every_material
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.1, -0.2, -0.05)])
+def test_gain_sets_the_unit_of_depth(reflectance: Reflectance, offset: tuple[float, float, float]) -> None:
+    right, down, forward = offset
+    image = hillside_under(FlashLight(gain=2.0, offset=offset), reflectance)
+    light = FlashLight(gain=2.0 * 49.0, offset=(7 * right, 7 * down, 7 * forward))
+    np.testing.assert_allclose(hillside_under(light, reflectance, enlarged=7.0), image, rtol=1e-12)
+
+
+@every_material
+def test_a_distant_lamp_tends_to_a_parallel_light(reflectance: Reflectance) -> None:
+    light = ParallelLight(0.3, -0.1)
+    far = FlashLight(gain=light.norm**2 * 1e12, offset=(-0.3e6, 0.1e6, -1e6))
+    np.testing.assert_allclose(hillside_under(far, reflectance), hillside_under(light, reflectance), rtol=2e-5)
+
+
+@every_scene
+@every_material
+def test_parallel_light_on_any_material(make: MakeScene, reflectance: Reflectance) -> None:
+    scene = make((40, 50), light=OBLIQUE, reflectance=reflectance, bits=None)
+    grid = scene.camera.grid((40, 50))
+    expected = reflectance_map(*scene.log_depth_gradient, grid.x, grid.y, OBLIQUE, reflectance)
+    np.testing.assert_array_equal(scene.image, np.clip(expected, 0, 1))
+    assert scene.reflectance == reflectance
+
+
+@every_scene
+@every_flash
+def test_flash_leaves_the_scene_as_it_is(make: MakeScene, light: Light) -> None:
+    frontal, flash = make((40, 50), bits=None), make((40, 50), light=light, bits=None)
+    np.testing.assert_array_equal(flash.depth, frontal.depth)
+    np.testing.assert_array_equal(flash.known_depth, frontal.known_depth)
+    np.testing.assert_array_equal(flash.mask, frontal.mask)
+    assert flash.light == light
+    assert flash.image.max() > 1
+    assert flash.singular_point is None
+
+
+def test_only_a_lambertian_singular_point_has_full_brightness() -> None:
+    assert bump(reflectance=Phong()).singular_point is None
+    assert sphere_cap(reflectance=OrenNayar(0.3)).singular_point is None
+
+
+@every_scene
+@every_flash
+def test_flash_image_is_quantised_by_its_brightest_value(make: MakeScene, light: Light) -> None:
+    exact = make((40, 50), light=light, bits=None).image
+    for noise in (0.0, 0.02):
+        image = make((40, 50), light=light, bits=5, noise=noise).image
+        levels = image / image.max() * 31
+        np.testing.assert_allclose(levels, np.round(levels), atol=1e-9)
+        if not noise:
+            assert image.max() == exact.max()
+            assert np.abs(image - exact).max() <= 0.5 / 31 * exact.max() * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("light", [FRONTAL, FLASH], ids=["frontal", "flash"])
+def test_noise_is_that_of_its_seed_and_of_its_strength(light: Light) -> None:
+    def image(noise: float, seed: int = 0) -> Array:
+        return hillside((200, 200), light=light, noise=noise, seed=seed).image
+
+    exact, noisy = image(0.0), image(0.02, seed=5)
+    np.testing.assert_array_equal(noisy, image(0.02, seed=5))
+    assert (noisy != image(0.02, seed=6)).mean() > 0.5
+    white = 1.0 if light == FRONTAL else exact.max()
+    away_from_the_ends = exact < 0.9 * white
+    difference = (noisy - exact)[away_from_the_ends] / white
+    # Five standard errors of the mean and of the standard deviation.
+    count = difference.size
+    assert abs(difference.mean()) < 5 * 0.02 / np.sqrt(count)
+    assert difference.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * count))
+
+
+def test_noise_stays_in_the_range_of_its_light() -> None:
+    under_parallel_light = vase(noise=0.5, bits=None).image
+    assert under_parallel_light.min() == 0
+    assert under_parallel_light.max() == 1
+    under_flash = vase(noise=0.5, bits=None, light=FLASH).image
+    assert under_flash.min() == 0
+    assert under_flash.max() > vase(bits=None, light=FLASH).image.max()
 
 
 def test_vase_offset_moves_the_background() -> None:
@@ -338,6 +523,16 @@ def test_only_a_single_singular_point_seeds(scene: Scene) -> None:
         (bump, {"surface": "up"}, "surface='up'"),
         (sphere_cap, {"surface": "up"}, "surface='up'"),
         (bump, {"light": None}, "light=None"),
+        (sphere_cap, {"light": None}, "light=None"),
+        (bump, {"light": FlashLight(offset=(0.0, 0.0, 9.0))}, "lights nothing"),
+        (bumps, {"reflectance": None}, "reflectance=None"),
+        (vase, {"noise": -0.1}, "noise=-0.1"),
+        (vase, {"noise": np.nan}, "noise=nan"),
+        (hillside, {"seed": 0.5}, "seed=0.5"),
+        (hillside, {"seed": -1}, "seed=-1"),
+        (hillside, {"focal_length": 10.0}, "focal_length=10.0.*past the slope"),
+        (hillside, {"relief": 1.1, "surface": "toward"}, "relief=1.1.*less"),
+        (hillside, {"surface": "up"}, "surface='up'"),
         (bump, {"relief": -0.1}, "relief=-0.1"),
         (bump, {"relief": 1.5, "surface": "toward"}, "relief=1.5.*less"),
         (bumps, {"orientation": np.inf}, "orientation=inf"),

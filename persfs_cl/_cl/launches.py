@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.program import program
-from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
+from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 from persfs_cl.errors import DeviceError
 
 DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
@@ -51,6 +51,8 @@ class Grid:
         Coordinates and the two terms of the viscosity: see kernels/lax_friedrichs.cl.
     cells, inwards, edges
         See :class:`persfs_cl.domain.Boundary`.
+    rim_cells : bool
+        Whether the scheme treats cells apart that lack a neighbour, or only wants a missing neighbour to be high.
     """
 
     log_depth: NDArray[np.floating]
@@ -62,16 +64,24 @@ class Grid:
     cells: NDArray[np.int32]
     inwards: NDArray[np.int32]
     edges: int
+    rim_cells: bool = True
 
     @property
     def marked_brightness(self) -> NDArray[np.floating]:
         """E as the kernels read it: NaN where not swept, with its sign set where a neighbour is missing."""
         swept = (self.flags & SWEPT) != 0
         marked = np.where(swept, self.brightness, np.nan)
+        if not self.rim_cells:
+            return marked
         # Not so the others: a NaN with its sign set would send its whole block the slow way.
         on_rim = swept & ((self.flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
         marked[on_rim] = -marked[on_rim]
         return marked
+
+    @property
+    def outside(self) -> float:
+        """The value of what lies around the image."""
+        return 0.0 if self.rim_cells else NOWHERE
 
     @property
     def beside(self) -> NDArray[np.int64]:
@@ -144,9 +154,12 @@ class Tuning:
     @property
     def kernels(self) -> tuple[str, ...]:
         """Kernel files after those of model and scheme."""
-        if self.variant == "wavefront_images":
-            return ("cell", "strip", "boundary", "change", "wavefront_images")
-        return ("cell", "strip", "wavefront_strips") if self.variant == "wavefront_strips" else ("cell", self.variant)
+        before = {
+            "wavefront_images": ("strip", "boundary", "change"),
+            "wavefront_strips": ("strip",),
+            "checkerboard": (),
+        }
+        return (*before.get(self.variant, ("cell",)), self.variant)
 
     @property
     def in_strips(self) -> bool:
@@ -172,8 +185,10 @@ class Sweeper:
     device : Device
     grids : sequence of Grid
         At least one, all of one shape.
-    model, scheme, ordering : str
-        Names of the kernel files; the ordering's variant is chosen for the device.
+    model : sequence of str
+        Kernel files of the model and the scheme.
+    ordering : str
+        Its variant is chosen for the device.
     precision : {"float32", "float64"}
     tolerance : float
         max |ΔZ| of an iteration at which an image rests.
@@ -195,8 +210,7 @@ class Sweeper:
         device: Device,
         grids: Sequence[Grid],
         *,
-        model: str,
-        scheme: str,
+        model: Sequence[str],
         ordering: str,
         precision: str,
         tolerance: float = 0.0,
@@ -219,8 +233,8 @@ class Sweeper:
         self._rested = np.zeros(self.count, bool)
         self.kernel_seconds = 0.0
 
-        sweeping = program(device, [model, scheme, *self.tuning.kernels], precision, self.tuning.definitions)
-        stored = self._stack([layout.store(grid.log_depth, 0.0, self._real) for grid in grids])
+        sweeping = program(device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
+        stored = self._stack([layout.store(grid.log_depth, grid.outside, self._real) for grid in grids])
         self._log_depth = self._upload(stored)
         self._previous = self._upload(stored)
         del stored
@@ -493,7 +507,7 @@ class Sweeper:
 
 def render(
     device: Device,
-    model: str,
+    model: Sequence[str],
     precision: str,
     log_depth: NDArray[np.floating],
     flags: NDArray[np.uint8],
@@ -506,7 +520,7 @@ def render(
     height, width = log_depth.shape
     result = np.empty((height, width), real)
     with device.lock:
-        kernel = cl.Kernel(program(device, [model, "render"], precision), "render")
+        kernel = cl.Kernel(program(device, [*model, "render"], precision), "render")
         kernel.set_scalar_arg_dtypes([None] * 6 + [np.int32] * 2)
         brightness = _buffer(device, result.nbytes)
         kernel(

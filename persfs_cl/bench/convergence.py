@@ -11,6 +11,7 @@ import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.subjects import sweeper
+from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 
 ERROR, ELAPSED = "largest error", "elapsed"
@@ -30,8 +31,10 @@ def convergence(plan: Plan) -> Iterator[list[Record]]:
     """
     size = plan.size(_SIZE)
     scene = ps.bump((size, size))
+    model = Model.of(scene.light, scene.reflectance)
     problem = prepare(
-        scene.image, scene.camera, None, None, scene.known_depth, scene.light, scene.surface, "fixed", 30.0
+        *(scene.image, scene.camera, None, None, scene.known_depth),
+        *(model, "lax-friedrichs", scene.surface, "fixed", 30.0),
     )
     limit = _limit(plan, problem)
     for ordering in plan.orderings:

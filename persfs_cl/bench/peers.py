@@ -106,7 +106,7 @@ def numpy_diagonals(problem: Problem) -> Peer:
         flags=problem.domain.flags,
         boundary=problem.domain.boundary,
         grid=problem.grid,
-        light=problem.light,
+        light=problem.model.light,
         sign=problem.sign,
         max_slope=problem.max_slope,
     )

@@ -14,7 +14,9 @@ from persfs_cl._cl.probes import device_seconds
 from persfs_cl.bench.timing import Work
 from persfs_cl.camera import Camera
 from persfs_cl.light import ParallelLight
+from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
+from persfs_cl.reflectance import Lambertian
 
 # Oblique, so that no term of the equation vanishes.
 _LIGHT = ParallelLight(0.2, -0.1)
@@ -55,8 +57,8 @@ def smooth_image(size: int) -> NDArray[np.float64]:
 
 def smooth_problem(size: int) -> Problem:
     """That image with a known frame: every other pixel is swept."""
-    image, camera = smooth_image(size), Camera(float(size))
-    return prepare(image, camera, None, None, None, _LIGHT, "away", "fixed", _MAX_SLOPE)
+    image, camera, model = smooth_image(size), Camera(float(size)), Model.of(_LIGHT, Lambertian())
+    return prepare(image, camera, None, None, None, model, "lax-friedrichs", "away", "fixed", _MAX_SLOPE)
 
 
 def swept_cells(problem: Problem) -> int:
@@ -75,8 +77,7 @@ def sweeper(
     return Sweeper(
         device,
         grids,
-        model="parallel_light",
-        scheme="lax_friedrichs",
+        model=("parallel_light", "lax_friedrichs"),
         ordering=ordering,
         precision=precision,
         tolerance=_NEVER,

@@ -1,0 +1,69 @@
+/* A light at the optical centre that fades with the square of the distance: a flash, the lamp of an endoscope.
+ *
+ *     I = kappa c(theta) / r^2,    r = z R,    cos theta = 1 / (R S),    R^2 = 1 + x^2 + y^2
+ *
+ * In `brightness` stands F = I R^2 / kappa, so that F exp(2 Z) = c. The material gives dimming(t) = -ln c as a function of
+ * t = tan theta, the steepness of the surface as the light sees it, and
+ *
+ *     H(Z, P) = 2 Z + ln F - ln c(theta(P))
+ *
+ * rises with Z: there is one solution, without values on the boundary. With P_c = -(x, y) / R^2 the gradients of one
+ * steepness are an ellipse around P_c:
+ *
+ *     t^2 = R^2 (P - P_c)' A (P - P_c),    A = I + (x, y)(x, y)'
+ */
+#define PULL 2
+
+#define LIGHT_GAIN (FIRST_MODEL_PARAMETER + 0)        /* kappa, for rendering    */
+#define MATERIAL_STEEPEST (FIRST_MODEL_PARAMETER + 1) /* bound of |d ln c / dt|  */
+#define MATERIAL_FIRST (FIRST_MODEL_PARAMETER + 2)    /* numbers of the material */
+
+/* R^2 t^2 from the gradient. The term of P - P_c along the ray is small where x and y are: nothing cancels. */
+static inline number square_tangent(const number p, const number q, const number x, const number y)
+{
+    const number ray = multiply_add(x, x, multiply_add(y, y, (number)1));
+    const number along_x = multiply_add(p, ray, x), along_y = multiply_add(q, ray, y);
+    const number radial = multiply_add(x, along_x, y * along_y);
+    return multiply_add(radial, radial, multiply_add(along_x, along_x, along_y * along_y)) / ray;
+}
+
+/* |dH/dp| <= sigma_x = max |d ln c / dt| R sqrt(1 + x^2): this is sigma_x / (2 dx), and with the axes in the other order
+ * sigma_y / (2 dy).
+ */
+static inline number viscosity(const number brightness, const axis along, const axis across, const real *parameters)
+{
+    const number ray = multiply_add(along.coordinate, along.coordinate,
+                                    multiply_add(across.coordinate, across.coordinate, (number)1));
+    return parameters[MATERIAL_STEEPEST] * root(ray) * along.root;
+}
+
+static inline number regular_part(const number brightness, const number p, const number q, const number x,
+                                  const number y, const real *parameters)
+{
+    return -log(brightness);
+}
+
+static inline number norm_part(const number p, const number q, const number x, const number y, const real *parameters)
+{
+    return dimming(square_tangent(p, q, x, y), parameters + MATERIAL_FIRST);
+}
+
+static inline number factor_of_norm(const number brightness)
+{
+    return (number)1;
+}
+
+/* The slope along one axis at which the surface is least steep for the light, for a fixed slope along the other. */
+static inline number least_gradient(const number brightness, const number gradient_across, const number along,
+                                    const number across, const int along_y, const real *parameters)
+{
+    return -along * multiply_add(across, gradient_across, (number)1) / multiply_add(along, along, (number)1);
+}
+
+/* The forward model. */
+static inline number rendered(const number log_depth, const number p, const number q, const number x, const number y,
+                              const real *parameters)
+{
+    const number ray = multiply_add(x, x, multiply_add(y, y, (number)1));
+    return parameters[LIGHT_GAIN] * exp(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
+}

@@ -1,0 +1,14 @@
+/* Lambertian material under a light at the camera: c = cos theta. */
+#define NEWTON_STEPS LAMBERTIAN_STEPS /* of the upwind scheme */
+
+/* -ln c from t^2, t = tan theta. */
+static inline number dimming(const number square, const real *material)
+{
+    return (number)0.5f * log1p(square);
+}
+
+/* Its derivative by t^2. */
+static inline number dimming_rate(const number square, const real *material)
+{
+    return (number)0.5f / ((number)1 + square);
+}
