@@ -4,13 +4,6 @@
  * cell on the rim, with a neighbour missing, for schemes that have to know; only there are its flags read.
  */
 
-/* Table of one axis: coordinate, root and offset, each of `length` numbers. */
-static inline axis axis_at(__global const real *table, const int length, const int index)
-{
-    const axis result = {table[index], table[length + index], table[2 * length + index]};
-    return result;
-}
-
 static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)    */
                                __global const real *brightness, /* marked as above, same shape          */
                                __global const uchar *flags,     /* see prelude, same shape              */

@@ -5,7 +5,7 @@ static inline float largest_change(__global const real *log_depth, __global real
     number largest = 0;
     for (size_t vector = first; vector < last; vector += step) {
         const number value = LOAD(log_depth + vector * LANES);
-        largest = most(largest, LOAD(previous + vector * LANES) - value);
+        largest = most(largest, magnitude(LOAD(previous + vector * LANES) - value));
         STORE(previous + vector * LANES, value);
     }
 #if LANES == 8

@@ -40,7 +40,7 @@ static inline number viscosity(const number brightness, const axis along, const 
 static inline number regular_part(const number brightness, const number p, const number q, const number x,
                                   const number y, const real *parameters)
 {
-    return -log(brightness);
+    return -logarithm(brightness);
 }
 
 static inline number norm_part(const number p, const number q, const number x, const number y, const real *parameters)
@@ -60,10 +60,26 @@ static inline number least_gradient(const number brightness, const number gradie
     return -along * multiply_add(across, gradient_across, (number)1) / multiply_add(along, along, (number)1);
 }
 
+/* P_c along one axis: the middle of the gradients of any steepness. */
+static inline number middle_gradient(const number brightness, const number along, const number across, const int along_y,
+                                     const real *parameters)
+{
+    return -along / multiply_add(along, along, multiply_add(across, across, (number)1));
+}
+
+/* The normal of the ellipse through P, A (P - P_c). */
+static inline slopes outward_normal(const number brightness, const number p, const number q, const number x,
+                                    const number y, const real *parameters)
+{
+    const number radial = multiply_add(x, p, multiply_add(y, q, (number)1));
+    const slopes normal = {multiply_add(x, radial, p), multiply_add(y, radial, q)};
+    return normal;
+}
+
 /* The forward model. */
 static inline number rendered(const number log_depth, const number p, const number q, const number x, const number y,
                               const real *parameters)
 {
     const number ray = multiply_add(x, x, multiply_add(y, y, (number)1));
-    return parameters[LIGHT_GAIN] * exp(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
+    return parameters[LIGHT_GAIN] * exponential(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
 }

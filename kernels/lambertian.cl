@@ -4,7 +4,7 @@
 /* -ln c from t^2, t = tan theta. */
 static inline number dimming(const number square, const real *material)
 {
-    return (number)0.5f * log1p(square);
+    return (number)0.5f * logarithm((number)1 + square);
 }
 
 /* Its derivative by t^2. */

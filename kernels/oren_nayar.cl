@@ -7,10 +7,20 @@
 static inline number dimming(const number square, const real *material)
 {
     const number secant = (number)1 + square;
-    return log(secant / multiply_add(material[DIRECT], root(secant), material[RIM] * square));
+    return logarithm(secant / multiply_add(material[DIRECT], root(secant), material[RIM] * square));
 }
 
-/* Its derivative by t^2. */
+/* Brightness for any directions, from the cosines between normal and light, normal and ray, and light and ray. Where the
+ * surface turns its back to the light, the matt part continued with its sign.
+ */
+static inline number returned_light(const number lit, const number seen, const number between, const real *material)
+{
+    const number azimuthal = most((number)0, multiply_subtract_from(between, lit, seen));
+    const number quotient = most((number)0, lit) / most(lit, seen);
+    return multiply_add(material[DIRECT], lit, material[RIM] * azimuthal * quotient);
+}
+
+/* Derivative of the dimming by t^2. */
 static inline number dimming_rate(const number square, const real *material)
 {
     const number secant = (number)1 + square, length = root(secant);

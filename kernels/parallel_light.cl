@@ -10,66 +10,117 @@
 #define LIGHT_Q0 (FIRST_MODEL_PARAMETER + 1)
 #define LIGHT_INVERSE_NORM (FIRST_MODEL_PARAMETER + 2) /* 1 / k, k = sqrt(1 + p0^2 + q0^2) */
 
-/* {P : H(P) <= 0}, the gradients of surfaces that are at least as bright as the pixel, is a conic
+/* For the upwind scheme the unknown is not Z but Z + ln f, f = 1 + p0 x + q0 y, which is level where the surface faces the
+ * light. P is the gradient of that in what follows. Then 0 is always among the gradients {P : H(P) <= 0} of surfaces at
+ * least as bright as the pixel, so that a value never falls from one cell to the next and back: no loops without end. With
+ * dark = 1 - E^2, the square of the sine between normal and light, these gradients are a conic
  *
  *     xx p^2 + 2 xy p q + yy q^2 + 2 x p + 2 y q + free <= 0,        n >= 0
  *
- * whose coefficients are linear in 1 - E^2, the square of the sine between normal and light: no small difference of
- * large numbers where the surface faces the light. Of `x` and `y` the sign is that of the direction one looks in, and of
- * Z or W; the same goes for `light_x` and `light_y`, the light's slopes p0 and q0.
+ * whose last three coefficients are proportional to dark: no small difference of large numbers where the surface faces the
+ * light. Of `x` and `y` the sign is that of the direction one looks in, and of Z or -Z; the same goes for `light_x` and
+ * `light_y`, the light's slopes p0 and q0.
  */
 typedef struct {
     number xx, xy, yy, x, y, free;
 } conic;
 
+/* Slope of the light along one axis, as one sees it who looks along or, with `turn` -1, against the axis. */
+static inline real slope_of_light(const real turn, const int along_y, const real *parameters)
+{
+    return turn * parameters[along_y ? LIGHT_Q0 : LIGHT_P0];
+}
+
+/* f */
+static inline number facing_ray(const number x, const number y, const real light_x, const real light_y)
+{
+    return multiply_add(x, (number)light_x, multiply_add(y, (number)light_y, (number)1));
+}
+
 static inline conic lit_gradients(const number dark, /* 1 - E^2 */
                                   const number x, const number y, const real light_x, const real light_y,
                                   const real *parameters)
 {
-    const real inverse_norm = parameters[LIGHT_INVERSE_NORM], facing = inverse_norm * inverse_norm;
+    const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
     const number a = (x - light_x) * inverse_norm, b = (y - light_y) * inverse_norm, bright = (number)1 - dark;
+    const number pull = dark / facing_ray(x, y, light_x, light_y);
+    const number length = pull / (facing_ray(x, y, light_x, light_y) * (inverse_norm * inverse_norm));
     const conic result = {
         multiply_add(bright * x, x, bright - a * a),
         bright * x * y - a * b,
         multiply_add(bright * y, y, bright - b * b),
-        bright * x - a * inverse_norm,
-        bright * y - b * inverse_norm,
-        ((number)1 - facing) - dark,
+        (light_x - x) * pull,
+        (light_y - y) * pull,
+        -length,
     };
     return result;
 }
 
-/* The largest p in that set, infinite where there is none.
+/* The quadratic in p whose roots are the ends of that set along one axis: bend p^2 - 2 tilt p - rest = 0.
  *
  * Seen from the pixel, the brighter normals form a circular cone around the direction to the light; its two tangent
- * planes that contain the y axis lie where a quadratic in p vanishes. Of two forms of the root that one is taken in which
- * nothing cancels.
+ * planes that contain the other axis lie at the roots. `spread` is tilt^2 + bend rest.
  */
+typedef struct {
+    number bend, tilt, rest, spread;
+} extent;
+
+static inline extent extent_along(const number dark, const number along, const number across, const number light_along,
+                                  const number light_across, const real *parameters)
+{
+    const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
+    const number f = multiply_add(along, light_along, multiply_add(across, light_across, (number)1));
+    const number facing = f * inverse_norm, shift = light_along / f;
+    const number apart = multiply_add(across, across, (number)1), ray = multiply_add(along, along, apart);
+    /* From the axis and the pixel's ray, the direction along which the surface facing the light does not change. */
+    const number radial = multiply_subtract_from(along, shift, ray);
+    const number square = multiply_subtract_from((number)1, shift, along + radial);
+    const number lit = facing * facing * square;
+    const extent result = {multiply_subtract_from(facing * facing, dark, ray), dark * radial, dark * square,
+                           dark * multiply_subtract_from(lit, dark, apart)};
+    return result;
+}
+
+/* The largest p in that set, very large where there is none. Of two forms of the root the one in which nothing cancels. */
 static inline number steepest_climb(const number dark, const number along, const number across,
                                     const number light_along, const number light_across, const real *parameters)
 {
-    const number toward = -light_along * parameters[LIGHT_INVERSE_NORM];
-    const number facing =
-        multiply_add(along, light_along, multiply_add(across, light_across, (number)1)) * parameters[LIGHT_INVERSE_NORM];
-    const number rest = multiply_add(across, across, (number)1), ray = multiply_add(along, along, rest);
-    const number tilt = multiply_add(facing, toward, dark * along);
-    const number bend = multiply_subtract_from(facing * facing, dark, ray);
-    const number lit = multiply_add(facing, multiply_add((number)2 * toward, along, facing), ray * toward * toward);
-    const number spread = dark * multiply_subtract_from(lit, dark, rest);
-    const number square_root = root(most(spread, (number)0));
-    const number upwards = (tilt + square_root) / bend;
-    const number downwards = multiply_subtract_from(dark, toward, toward) / (square_root - tilt);
+    const extent ends = extent_along(dark, along, across, light_along, light_across, parameters);
+    const number square_root = root(most(ends.spread, (number)0));
+    const number upwards = (ends.tilt + square_root) / ends.bend, downwards = ends.rest / (square_root - ends.tilt);
     /* Written so that a NaN stays one. */
     const number unbounded = (number)NOWHERE;
-    const number climb = tilt < (number)0 ? downwards : (bend <= (number)0 ? unbounded : upwards);
-    return spread < (number)0 ? unbounded : climb;
+    const number climb = ends.tilt < (number)0 ? downwards : (ends.bend <= (number)0 ? unbounded : upwards);
+    return ends.spread < (number)0 ? unbounded : climb;
 }
 
-/* n, the sign of which tells the lit side from the other. */
+/* Middle between the largest and the smallest p of that set, or q with the axes in the other order; 0 where it is unbounded. */
+static inline number middle_gradient(const number brightness, const number along, const number across, const int along_y,
+                                     const real *parameters)
+{
+    const real light = parameters[along_y ? LIGHT_Q0 : LIGHT_P0], other = parameters[along_y ? LIGHT_P0 : LIGHT_Q0];
+    const number dark = ((number)1 - brightness) * ((number)1 + brightness);
+    const extent ends = extent_along(dark, along, across, (number)light, (number)other, parameters);
+    return ends.bend > (number)0 ? ends.tilt / ends.bend : (number)0;
+}
+
+/* The normal of the conic through P, pointing outwards: where the information at a pixel comes from, reversed. */
+static inline slopes outward_normal(const number brightness, const number p, const number q, const number x,
+                                    const number y, const real *parameters)
+{
+    const conic lit = lit_gradients(((number)1 - brightness) * ((number)1 + brightness), x, y, parameters[LIGHT_P0],
+                                    parameters[LIGHT_Q0], parameters);
+    const slopes normal = {lit.xx * p + lit.xy * q + lit.x, lit.xy * p + lit.yy * q + lit.y};
+    return normal;
+}
+
+/* n, the sign of which tells the lit side from the other; times f. */
 static inline number lit_side(const number p, const number q, const number x, const number y, const real light_x,
                               const real light_y)
 {
-    return multiply_add(x - light_x, p, multiply_add(y - light_y, q, (number)1));
+    const number f = facing_ray(x, y, light_x, light_y);
+    const number square = (number)(1 + light_x * light_x + light_y * light_y);
+    return multiply_add(f, multiply_add(x - light_x, p, (y - light_y) * q), square);
 }
 
 /* S */

@@ -4,20 +4,36 @@
 #define SPECULAR 1  /* ks */
 #define SHININESS 2 /* m  */
 
+/* A power of a cosine, of 0 where that is below. The least base is not 0: with it PoCL's pow of eight doubles at once goes
+ * astray, in all of them.
+ */
+static inline number lobe(const number cosine, const real exponent)
+{
+    return power(most(cosine, (number)1e-30f), exponent);
+}
+
 /* -ln c from t^2, t = tan theta: cos theta = 1 / sqrt(1 + t^2), cos 2 theta = (1 - t^2) / (1 + t^2). */
 static inline number dimming(const number square, const real *material)
 {
     const number secant = (number)1 + square;
-    const number mirrored = most(((number)1 - square) / secant, (number)0);
-    return -log(material[DIFFUSE] / root(secant) + material[SPECULAR] * pow(mirrored, (number)material[SHININESS]));
+    const number mirrored = ((number)1 - square) / secant;
+    return -logarithm(material[DIFFUSE] / root(secant) + material[SPECULAR] * lobe(mirrored, material[SHININESS]));
 }
 
-/* Its derivative by t^2. */
+/* Brightness for any directions, as in oren_nayar.cl; without a highlight in shadow. */
+static inline number returned_light(const number lit, const number seen, const number between, const real *material)
+{
+    const number mirrored = multiply_subtract_from(-between, (number)-2 * lit, seen);
+    const number highlight = material[SPECULAR] * lobe(mirrored, material[SHININESS]);
+    return multiply_add(material[DIFFUSE], lit, lit > (number)0 ? highlight : (number)0);
+}
+
+/* Derivative of the dimming by t^2. */
 static inline number dimming_rate(const number square, const real *material)
 {
     const number secant = (number)1 + square, length = root(secant);
     const number mirrored = most(((number)1 - square) / secant, (number)0);
-    const number highlight = material[SPECULAR] * pow(mirrored, (number)(material[SHININESS] - 1));
+    const number highlight = material[SPECULAR] * lobe(mirrored, material[SHININESS] - 1);
     const number returned = material[DIFFUSE] / length + highlight * mirrored;
     const number fall = material[DIFFUSE] / ((number)2 * secant * length) +
                         (number)(2 * material[SHININESS]) * highlight / (secant * secant);

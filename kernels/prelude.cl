@@ -21,21 +21,31 @@ typedef double8 number;
 typedef long8 integer;
 typedef double8 unaligned __attribute__((aligned(8)));
 #define as_integer as_long8
+#define as_number as_double8
 #define convert_integer convert_long8
+#define convert_number convert_double8
 #elif LANES == 8
 typedef float8 number;
 typedef int8 integer;
 typedef float8 unaligned __attribute__((aligned(4)));
 #define as_integer as_int8
+#define as_number as_float8
 #define convert_integer convert_int8
+#define convert_number convert_float8
 #elif USE_DOUBLE
 typedef double number;
 typedef long integer;
 #define as_integer as_long
+#define as_number as_double
+#define convert_integer convert_long
+#define convert_number convert_double
 #else
 typedef float number;
 typedef int integer;
 #define as_integer as_int
+#define as_number as_float
+#define convert_integer convert_int
+#define convert_number convert_float
 #endif
 
 /* Vectors at any address. */
@@ -125,10 +135,13 @@ static inline int any_sign(const integer bits)
 #define STEP_Y 3          /* largest climb of Z between vertical neighbours   */
 #define STEEPEST 4        /* largest slope |dZ/dx|, |dZ/dy|                */
 #define SURFACE_SIGN 5    /* +1 where Z is solved for, -1 for W = -Z       */
-#define SPACING_X 6       /* dx                                            */
-#define SPACING_Y 7       /* dy                                            */
-#define FIRST_MODEL_PARAMETER 8
+#define FIRST_MODEL_PARAMETER 6
 #define PARAMETERS 16     /* length of one image's part of the buffer      */
+
+/* A gradient, or what else has a part along x and one along y. */
+typedef struct {
+    number p, q;
+} slopes;
 
 /* Numbers of a column or of a row, from a table made on the host. */
 typedef struct {
@@ -136,6 +149,15 @@ typedef struct {
     number root;       /* sqrt(1 + x^2) / (2 dx), likewise for y: see lax_friedrichs.cl    */
     number offset;     /* |x - p0| / (2 k dx), likewise for y                              */
 } axis;
+
+#if LANES == 1
+/* Table of one axis: coordinate, root and offset, each of `length` numbers. */
+static inline axis axis_at(__global const real *table, const int length, const int index)
+{
+    const axis result = {table[index], table[length + index], table[2 * length + index]};
+    return result;
+}
+#endif
 
 /* A private copy of an image's numbers: the compiler need not think that a store of Z may change them. */
 static inline void copy_parameters(real *copy, __global const real *all, const int image)

@@ -17,11 +17,11 @@
 /* t^2 at which the material has dimmed by so much; in ln(1 + t^2), of which all materials make nearly a straight line. */
 static inline number square_of(const number dimmed, const number highest, const real *material)
 {
-    number low = 0, high = log((number)1 + highest);
+    number low = 0, high = logarithm((number)1 + highest);
     number stretch = least(high, (number)2 * dimmed); /* exact for a Lambertian material */
 #if NEWTON_STEPS > LAMBERTIAN_STEPS
     for (int step = 0; step < NEWTON_STEPS; ++step) {
-        const number square = exp(stretch) - (number)1;
+        const number square = exponential(stretch) - (number)1;
         const number excess = dimming(square, material) - dimmed;
         high = excess > (number)0 ? stretch : high;
         low = excess > (number)0 ? low : stretch;
@@ -29,22 +29,23 @@ static inline number square_of(const number dimmed, const number highest, const 
         stretch = next >= low ? (next <= high ? next : (number)0.5f * (low + high)) : (number)0.5f * (low + high);
     }
 #endif
-    return exp(stretch) - (number)1;
+    return exponential(stretch) - (number)1;
 }
 
-/* Where U = base + l and D meet, with l^2 = offset + slope t^2, for t^2 from `square` on: the value there.
+/* Where U = base + l and D meet, with l^2 = offset + slope t^2: the value there. `square` is a guess of t^2.
  *
  * In l the equation 2 U + ln F + dimming = 0 is smooth, and rises at least with 2, which gives the bracket. Newton starts
- * where a Lambertian material's curve has its turning point, from which it cannot go astray.
+ * no lower than where a Lambertian material's curve has its turning point, from which it cannot go astray.
  */
 static inline number meet(const number base, const number offset, const number slope, const number square,
                           const number shade, const real *material)
 {
     const number per_slope = (number)1 / slope;
-    number low = root(most(multiply_add(slope, square, offset), (number)0));
+    const number guess = root(most(multiply_add(slope, square, offset), (number)0));
+    number low = 0;
     number high = low - (number)0.5f * (multiply_add((number)2, base + low, shade) +
-                                        dimming(most((number)0, multiply_add(low, low, -offset) * per_slope), material));
-    number length = most(low, least(high, root(slope - offset)));
+                                        dimming(-offset * per_slope, material));
+    number length = most(low, least(high, most(guess, root(slope - offset))));
     for (int step = 0; step < NEWTON_STEPS; ++step) {
         const number steepness = most((number)0, multiply_add(length, length, -offset) * per_slope);
         const number excess = multiply_add((number)2, base + length, shade) + dimming(steepness, material);
@@ -68,11 +69,11 @@ static inline number inner_value(const number brightness, const number here, con
     const number here_x = turn_x * x.coordinate, here_y = turn_y * y.coordinate;
     const number square_x = multiply_add(here_x, here_x, (number)1), square_y = multiply_add(here_y, here_y, (number)1);
     const number ray = multiply_add(here_x, here_x, square_y), inverse_ray = (number)1 / ray;
-    const real dx = parameters[SPACING_X], dy = parameters[SPACING_Y];
+    const real scale_x = 2 * (turn_x * to_p), scale_y = 2 * (turn_y * to_q), dx = 1 / scale_x, dy = 1 / scale_y;
     /* Neighbours seen from the centre of the ellipse. */
     const number from_left = multiply_subtract_from(left, dx * here_x, inverse_ray);
     const number from_up = multiply_subtract_from(up, dy * here_y, inverse_ray);
-    const number shade = log(brightness);
+    const number shade = logarithm(brightness);
     const number steepest = (number)(2 * parameters[STEEPEST]) * ray;
     const number square = square_of(most((number)0, -multiply_add((number)2, here, shade)), steepest * steepest, material);
     const number t = root(square);
@@ -82,7 +83,6 @@ static inline number inner_value(const number brightness, const number here, con
     const number start = edge_x < edge_y ? from_left : from_up, climb = edge_x < edge_y ? climb_x : climb_y;
     const number edge = meet(start, (number)0, climb * climb, square, shade, material);
 
-    const real scale_x = 2 * (turn_x * to_p), scale_y = 2 * (turn_y * to_q);
     const number xx = square_x * (scale_x * scale_x), yy = square_y * (scale_y * scale_y);
     const number xy = here_x * here_y * (scale_x * scale_y);
     const number step = from_up - from_left, column_x = xx + xy, column_y = xy + yy;

@@ -21,10 +21,12 @@ from persfs_cl.errors import (
 )
 from persfs_cl.forward import render
 from persfs_cl.grey import normalise_grey
-from persfs_cl.images import read_image
+from persfs_cl.images import read_image, read_photo
 from persfs_cl.light import FlashLight, ParallelLight
 from persfs_cl.metrics import Errors, compare
+from persfs_cl.photograph import Preparation, PreparedPhoto, prepare_photo
 from persfs_cl.reflectance import Lambertian, OrenNayar, Phong
+from persfs_cl.scanned import mesh_scene
 from persfs_cl.scenes import Scene, bump, bumps, hillside, sphere_cap, vase
 from persfs_cl.solution import Elapsed, Solution, Status
 from persfs_cl.solver import reconstruct, reconstruct_batch
@@ -47,6 +49,8 @@ __all__ = [
     "ParallelLight",
     "PersfsError",
     "Phong",
+    "Preparation",
+    "PreparedPhoto",
     "Scene",
     "Solution",
     "Status",
@@ -55,8 +59,11 @@ __all__ = [
     "compare",
     "devices",
     "hillside",
+    "mesh_scene",
     "normalise_grey",
+    "prepare_photo",
     "read_image",
+    "read_photo",
     "reconstruct",
     "reconstruct_batch",
     "render",

@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl import reference
 from persfs_cl._cl import launches
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl.camera import Camera
 from persfs_cl.domain import SWEPT, missing_neighbours
 from persfs_cl.errors import InputError
-from persfs_cl.light import Light, ParallelLight
+from persfs_cl.light import FlashLight, Light, ParallelLight
 from persfs_cl.models import Model
+from persfs_cl.problem import require_albedo
 from persfs_cl.reflectance import Lambertian, Reflectance
+from persfs_cl.surface import log_depth_gradient
 
 
 def render(
@@ -22,10 +25,11 @@ def render(
     light: Light = ParallelLight(),
     reflectance: Reflectance = Lambertian(),
     mask: ArrayLike | None = None,
+    albedo: ArrayLike | None = None,
     device: int | str | Device | None = None,
     precision: str = "float32",
 ) -> NDArray[np.float64]:
-    """Photograph a surface: eq. (6) under a parallel light, I = κ c(θ) / r² under a flash.
+    """Photograph a surface: eq. (6) under a parallel light, I = κ c(θ) / r² or κ c(θ) under a flash.
 
     Parameters
     ----------
@@ -33,10 +37,12 @@ def render(
         z > 0 along the optical axis, in any unit, or under a flash in that of its gain; NaN where there is no surface.
     camera : Camera
     light : ParallelLight or FlashLight
-        Frontal and parallel by default.
+        Frontal and parallel by default. With a lamp beside the camera NumPy computes the image, not the device.
     reflectance : Lambertian, OrenNayar or Phong
     mask : array_like of bool, shape (height, width), optional
         Pixels to render; derivatives do not look across its edge.
+    albedo : array_like of float, shape (height, width), optional
+        Share of light in (0, 1] that the surface returns, by which the image is multiplied; 1 when not given.
     device : optional
         As for :func:`reconstruct`.
     precision : {"float32", "float64"}
@@ -50,7 +56,7 @@ def render(
     Raises
     ------
     InputError
-        When the depth is not a positive 2-D array, or the mask does not fit it.
+        When the depth is not a positive 2-D array, or the mask or the albedo does not fit it.
     DeviceError
         When the device does not exist or lacks the precision.
 
@@ -85,12 +91,19 @@ def render(
         raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
     if (lowest := float(values[present].min())) <= 0:
         raise InputError(f"depth goes down to {lowest:g}: depths are distances along the optical axis and positive.")
+    reflecting = None if albedo is None else require_albedo(albedo, present)
+    grid = camera.grid((values.shape[0], values.shape[1]))
+    if isinstance(light, FlashLight) and not light.coaxial:
+        # Not a kernel: done once an image, in double precision, by the formula that reconstruct() itself uses.
+        surface = np.where(present, values, np.nan)
+        p, q = log_depth_gradient(surface, camera)
+        lit = reference.brightness(np.log(surface), p, q, grid.x, grid.y, light, reflectance)
+        return lit if reflecting is None else lit * reflecting
     log_depth = np.log(np.where(present, values, 1.0))
     # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.
     level = float(np.median(log_depth[present]))
     log_depth -= level
     flags = missing_neighbours(present) | present * np.uint8(SWEPT)
-    grid = camera.grid((values.shape[0], values.shape[1]))
     image = launches.render(
         select_device(device),
         model.kernels,
@@ -102,4 +115,6 @@ def render(
         grid.y[:, 0],
     )
     brightness: NDArray[np.float64] = image.astype(np.float64)
-    return brightness * np.exp(-2.0 * level) if model.falls_off else brightness
+    if model.falls_off:
+        brightness *= np.exp(-2.0 * level)
+    return brightness if reflecting is None else brightness * reflecting

@@ -1,4 +1,4 @@
-"""From the brightness of a photo to the normalised reflectance E: decode, smooth, normalise, clip highlights.
+"""From the brightness of a photo to the normalised reflectance E: decode, correct, smooth, normalise, clip highlights.
 
 Every function takes an (H, W) array of numbers and an optional mask (bool, True = use this pixel), looks only
 at the pixels in the mask, and returns a new float64 array. Pixels outside the mask may hold anything, NaN
@@ -54,6 +54,81 @@ def encode_srgb(values: ArrayLike) -> Array:
     return np.asarray(np.where(values <= 0.0031308, values * 12.92, curve))
 
 
+def subtract_ambient(image: ArrayLike, ambient: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
+    """Take away the light that would be there without the lamp.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Linear light.
+    ambient : float or array_like, shape (H, W)
+        Ambient light or black level, not negative, on the scale of `image`: one number, or a second photograph
+        without the lamp, which may hold anything outside the mask.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to use. Those outside are returned as they came.
+
+    Returns
+    -------
+    light : ndarray of float64, shape (H, W)
+        The difference; 0 where it is negative.
+    below : ndarray of bool, shape (H, W)
+        True where it is negative by more than rounding errors.
+
+    Raises
+    ------
+    InputError
+        When `ambient` has another shape, or is negative or not finite inside the mask; when `image` or `mask` cannot
+        be used.
+    """
+    values, inside = checked(image, mask)
+    offset = _map("ambient light", ambient, values.shape)
+    bad = inside & ~(np.isfinite(offset) & (offset >= 0))
+    if bad.any():
+        raise InputError(
+            f"The ambient light is {offset[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers, "
+            "0 or more."
+        )
+    light = np.subtract(values, offset, out=values.copy(), where=inside)
+    negative = inside & (light < 0)
+    # A photo's grey level and the same level as ambient light may be decoded with different rounding errors.
+    below = negative & (light < -1e-12 * offset)
+    light[negative] = 0.0
+    return light, below
+
+
+def divide_vignetting(image: ArrayLike, vignetting: ArrayLike, *, mask: ArrayLike | None = None) -> Array:
+    """Undo the darkening of a lens away from the middle of the image.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Linear light, less any ambient light.
+    vignetting : array_like, shape (H, W)
+        Share of the light that the lens lets through at each pixel, above 0. It may hold anything outside the mask.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to use. Those outside are returned as they came.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+
+    Raises
+    ------
+    InputError
+        When `vignetting` has another shape, or is not finite and above 0 inside the mask; when `image` or `mask`
+        cannot be used.
+    """
+    values, inside = checked(image, mask)
+    share = _map("vignetting", vignetting, values.shape)
+    bad = inside & ~(np.isfinite(share) & (share > 0))
+    if bad.any():
+        raise InputError(
+            f"The vignetting is {share[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers above "
+            "0, or mask these pixels out."
+        )
+    return np.divide(values, share, out=values.copy(), where=inside)
+
+
 def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> Array:
     """Mean over a square window, the smoothing that the paper applies to its photograph (section 4.2).
 
@@ -76,7 +151,7 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
     InputError
         When `size` is not such a number, or `image` or `mask` cannot be used.
     """
-    values, inside = _checked(image, mask)
+    values, inside = checked(image, mask)
     if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
         raise InputError(f"The mean filter's size {size!r} is not an odd number above 0: give 3 or 5, say.")
     if size > min(values.shape):
@@ -88,7 +163,7 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
     return np.where(inside, total / np.maximum(count, 1.0), values)
 
 
-def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None) -> Array:
+def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentile: float = 100.0) -> Array:
     """Stretch the grey values to [0, 1], eq. (2): E = (I - I_min) / (I_max - I_min).
 
     This is the paper's recipe. On linear light it shifts E, because the darkest pixel becomes 0 whatever it
@@ -100,22 +175,27 @@ def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None) -> Array:
         Grey values on any scale, negative ones included.
     mask : array_like of bool, shape (H, W), optional
         Pixels that set I_min and I_max. Those outside are stretched alike, then cut to [0, 1].
+    percentile : float
+        In (0, 100]; I_max is this percentile, so that a few hot pixels do not set it. 100 is the brightest pixel,
+        the paper's.
 
     Returns
     -------
     ndarray of float64, shape (H, W)
-        E in [0, 1]: 0 at the darkest pixel, 1 at the brightest.
+        E in [0, 1]: 0 at the darkest pixel, 1 at I_max and above.
 
     Raises
     ------
     InputError
-        When all pixels have one value, or `image` or `mask` cannot be used.
+        When all pixels up to the percentile have one value, `percentile` is impossible, or `image` or `mask` cannot
+        be used.
     """
-    values, inside = _checked(image, mask)
-    darkest, brightest = float(values[inside].min()), float(values[inside].max())
+    values, inside = checked(image, mask)
+    darkest, brightest = float(values[inside].min()), _percentile(values, inside, percentile)
     if darkest == brightest:
+        many = "Every pixel" if percentile == 100 else f"{percentile:g} %"
         raise InputError(
-            f"Every pixel of the image is {darkest:g}: there is no shading in it. "
+            f"{many} of the image is {darkest:g}: there is no shading in it. "
             "Give another image, or a mask that takes in more of it."
         )
     return np.asarray(np.clip((values - darkest) / (brightest - darkest), 0.0, 1.0))
@@ -143,7 +223,7 @@ def brightest_diffuse(image: ArrayLike, *, mask: ArrayLike | None = None, percen
     InputError
         When so much of the image is black, `percentile` is impossible, or `image` or `mask` cannot be used.
     """
-    values, inside = _checked(image, mask)
+    values, inside = checked(image, mask)
     brightest = _percentile(values, inside, percentile)
     if brightest <= 0:
         raise InputError(
@@ -185,7 +265,7 @@ def normalise_linear(
         When the image has negative values or is black, when `brightest` or `percentile` is impossible, or
         when `image` or `mask` cannot be used.
     """
-    values, inside = _checked(image, mask)
+    values, inside = checked(image, mask)
     negative = np.count_nonzero(values[inside] < 0)
     if negative:
         raise InputError(
@@ -231,7 +311,7 @@ def clip_highlights(
     InputError
         When `threshold` or `percentile` is impossible, or `image` or `mask` cannot be used.
     """
-    values, inside = _checked(image, mask)
+    values, inside = checked(image, mask)
     if threshold is None:
         threshold = _percentile(values, inside, percentile)
     elif not math.isfinite(threshold):
@@ -240,8 +320,27 @@ def clip_highlights(
     return np.where(highlights, threshold, values), highlights
 
 
-def _checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
-    """The image as float64 and the mask as bool, each known to be usable."""
+def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
+    """The image as float64 and the mask as bool, each known to be usable.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Numbers, finite where the mask is True.
+    mask : array_like of bool, shape (H, W), or None
+        None is True everywhere.
+
+    Returns
+    -------
+    values : ndarray of float64, shape (H, W)
+        A copy.
+    inside : ndarray of bool, shape (H, W)
+
+    Raises
+    ------
+    InputError
+        When one of the two is of another kind, or the mask selects no pixel.
+    """
     given = np.asarray(image)
     if given.dtype.kind not in "iuf":
         raise InputError(f"The image holds {given.dtype}, not numbers: give an array of integers or floats.")
@@ -265,6 +364,17 @@ def _percentile(values: Array, inside: Mask, percentile: float) -> float:
     if not 0 < percentile <= 100:
         raise InputError(f"percentile={percentile!r} is impossible: give a number above 0, at most 100.")
     return float(np.percentile(values[inside], percentile))
+
+
+def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """One number a pixel, from one an image or one a pixel."""
+    values = np.asarray(given)
+    if values.dtype.kind not in "iuf" or values.shape not in ((), shape):
+        raise InputError(
+            f"The {name} is {values.dtype} of shape {values.shape}: give an array of numbers of the image's shape, "
+            f"{shape}."
+        )
+    return np.asarray(np.broadcast_to(values, shape), dtype=np.float64)
 
 
 def _window_sum(values: Array, size: int) -> Array:

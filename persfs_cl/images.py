@@ -17,7 +17,7 @@ from persfs_cl.files import FilePath, atomic_path, read_bytes
 from persfs_cl.grey import decode_srgb, encode_srgb
 
 Array = NDArray[np.float64]
-Channel = Literal["luminance", "red", "green", "blue", "mean"]
+Channel = Literal["luminance", "red", "green", "blue", "mean", "max"]
 Encoding = Literal["auto", "srgb", "linear"]
 
 # Shares of linear red, green and blue.
@@ -51,6 +51,14 @@ class Photo:
         Bits per sample in the file.
     encoding : {"srgb", "linear"}
         How the samples were understood.
+    channel : {"luminance", "red", "green", "blue", "mean", "max"}
+        What of the colours the image is.
+    largest_sample : ndarray of uint8, uint16 or float, shape (H, W)
+        The file's own number, at each pixel the largest of the channels that `image` is made of.
+    smallest_sample : ndarray of uint8, uint16 or float, shape (H, W)
+        The same, but the smallest of all colours.
+    white : float or None
+        The largest number that a file of this type can hold, where sensors saturate; None for floats.
     """
 
     image: Array
@@ -59,6 +67,15 @@ class Photo:
     path: Path
     bits: int
     encoding: Literal["srgb", "linear"]
+    channel: Channel
+    largest_sample: NDArray[Any]
+    smallest_sample: NDArray[Any]
+    white: float | None
+
+    def linear(self, samples: ArrayLike) -> Array:
+        """Linear light, on the scale of `image`, of numbers as the file holds them: grey levels of an 8-bit photo."""
+        share = np.asarray(samples, dtype=np.float64) / (self.white or 1.0)
+        return decode_srgb(share) if self.encoding == "srgb" else share
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +135,9 @@ def read_photo(
     Parameters
     ----------
     path : path
-    channel : {"luminance", "red", "green", "blue", "mean"}
-        What becomes the grey image: Rec. 709 luminance, one channel, or the mean of the three, always of
-        linear values. Grey files have only the one.
+    channel : {"luminance", "red", "green", "blue", "mean", "max"}
+        What becomes the grey image: Rec. 709 luminance, one channel, or the mean or the largest of the three, always
+        of linear values. Grey files have only the one.
     encoding : {"auto", "srgb", "linear"}
         What the samples are. "auto" takes integers as sRGB and floats as linear.
     keep_nan : bool
@@ -137,8 +154,8 @@ def read_photo(
         When the file is missing, a folder, empty, broken, not such an image, animated or of several pages,
         or holds NaN (see `keep_nan`), infinite or negative values; when `channel` or `encoding` is unknown.
     """
-    if channel not in _WEIGHTS:
-        raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(_WEIGHTS)}.")
+    if channel not in get_args(Channel):
+        raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(get_args(Channel))}.")
     if encoding not in get_args(Encoding):
         raise InputError(f"encoding={encoding!r} is unknown: give one of {', '.join(get_args(Encoding))}.")
     path = Path(path)
@@ -154,6 +171,12 @@ def read_photo(
         return decode_srgb(scaled) if encoding == "srgb" else scaled
 
     channels = [samples[..., index] for index in range(samples.shape[2])]
+    weights = (1.0,) if len(channels) == 1 else _WEIGHTS.get(channel, (1.0, 1.0, 1.0))
+    smallest = np.minimum.reduce(channels)
+    largest = np.maximum.reduce([values for weight, values in zip(weights, channels, strict=True) if weight])
+    if channel == "max":
+        # Brighter light is a larger number, so the largest sample may be chosen before it is decoded.
+        channels, weights = [largest], (1.0,)
     if floating:
         light = (linear(values) for values in channels)
         colour = to_display(linear(samples))
@@ -162,13 +185,59 @@ def read_photo(
         levels = linear(np.arange(2**raster.bits))
         light = (levels[values] for values in channels)
         colour = to_display(levels)[samples]
-    weights = _WEIGHTS[channel] if len(channels) == 3 else (1.0,)
     image = np.zeros(samples.shape[:2])
     for weight, values in zip(weights, light, strict=True):
         image += weight * values
     if colour.shape[2] == 1:
         colour = np.repeat(colour, 3, axis=2)
-    return Photo(image, colour, raster.opaque, path, raster.bits, encoding)
+    return Photo(
+        image=image,
+        colour=colour,
+        mask=raster.opaque,
+        path=path,
+        bits=raster.bits,
+        encoding=encoding,
+        channel=channel,
+        largest_sample=largest,
+        smallest_sample=smallest,
+        white=None if floating else raster.white,
+    )
+
+
+def read_light(
+    path: FilePath, shape: tuple[int, int], *, channel: Channel = "luminance", encoding: Encoding = "auto"
+) -> Array:
+    """A map of linear light that goes with a photo: ambient light, or the vignetting of the lens.
+
+    Parameters
+    ----------
+    path : path
+        A PNG, JPEG or TIFF image, or a `.npy` file of linear light.
+    shape : (int, int)
+        (height, width) that the map must have.
+    channel, encoding
+        As for `read_photo`, for images.
+
+    Returns
+    -------
+    ndarray of float64, shape `shape`
+        NaN where a file of floats has it.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, or is of another shape or of another type.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".npy":
+        stored = _read_npy(path)
+        if stored.dtype.kind not in "iuf":
+            raise InputError(f"{path} holds {stored.dtype}, not numbers: save linear light as floats.")
+        light = stored.astype(np.float64)
+    else:
+        light = read_photo(path, channel=channel, encoding=encoding, keep_nan=True).image
+    _require_shape(path, light, shape)
+    return light
 
 
 def read_mask(path: FilePath, shape: tuple[int, int]) -> NDArray[np.bool_]:

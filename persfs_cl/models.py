@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,17 @@ from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
 
 SCHEMES = ("auto", "lax-friedrichs", "upwind")
 
+_MATERIAL_KERNELS: dict[type[Reflectance], str] = {
+    Lambertian: "lambertian",
+    OrenNayar: "oren_nayar",
+    Phong: "phong",
+}
+
+_ANGLES = 2**18 + 1
+
+_MARGIN, _SMALL_MARGIN = 1.02, 1.001
+"""More than a slope, and a value with level top, can rise between its samples above the largest of them."""
+
 
 @dataclass(frozen=True)
 class Model:
@@ -24,7 +36,8 @@ class Model:
     light : ParallelLight or FlashLight
     reflectance : Reflectance
     kernels : tuple of str
-        Kernel files that hold the Hamiltonian, in the order in which they are composed.
+        Kernel files that hold the Hamiltonian, in the order in which they are composed; of a lamp beside the camera
+        that of one at the camera: see :mod:`persfs_cl.lamp`.
     """
 
     light: Light
@@ -45,26 +58,51 @@ class Model:
                 f"reflectance={reflectance!r} is no known material: give Lambertian(), OrenNayar(...) or Phong(...)."
             )
         if isinstance(light, ParallelLight):
-            if not isinstance(reflectance, Lambertian):
-                raise InputError(
-                    f"reflectance={reflectance!r} under a parallel light has no scheme here: give Lambertian(), or "
-                    "photograph with a FlashLight."
-                )
-            return cls(light, reflectance, ("parallel_light",))
+            if isinstance(reflectance, Lambertian):
+                return cls(light, reflectance, ("parallel_light",))
+            return cls(light, reflectance, ("elementary", _MATERIAL_KERNELS[type(reflectance)], "parallel_material"))
         if not isinstance(light, FlashLight):
             raise InputError(f"light={light!r} is no known light: give a ParallelLight or a FlashLight.")
-        if not light.falloff or not light.coaxial:
+        if not (light.coaxial or light.falloff):
             raise InputError(
-                f"light={light!r} has no scheme here: the lamp must be at the camera, with fall-off. Give "
-                "FlashLight(gain=...), or a ParallelLight."
+                f"light={light!r} has no scheme here: a lamp without fall-off must be at the camera. Leave the offset "
+                "out, or photograph with fall-off."
             )
-        material = {Lambertian: "lambertian", OrenNayar: "oren_nayar", Phong: "phong"}[type(reflectance)]
-        return cls(light, reflectance, (material, "flash_light"))
+        if not light.falloff and not reflectance.monotone:
+            raise InputError(
+                f"reflectance={reflectance!r} under a flash without fall-off: this material is not brightest face on, "
+                "so that a brightness belongs to two angles. Give FlashLight(falloff=True), or another material."
+            )
+        material = _MATERIAL_KERNELS[type(reflectance)]
+        return cls(light, reflectance, ("elementary", material, "flash_light" if light.falloff else "headlight"))
 
     @property
     def falls_off(self) -> bool:
         """Whether the light fades with distance, so that the image alone determines the depth."""
         return isinstance(self.light, FlashLight) and self.light.falloff
+
+    @property
+    def at_camera(self) -> bool:
+        """Whether the light comes from the camera, so that only the angle between surface and ray shades."""
+        return isinstance(self.light, FlashLight)
+
+    def brightest(self, grid: PixelGrid) -> float:
+        """The largest value that an image may have; infinite where it depends on the depth."""
+        if isinstance(self.light, FlashLight):
+            return np.inf if self.light.falloff else self.light.gain * self.reflectance.brightest
+        return 1.0 if isinstance(self.reflectance, Lambertian) else self._survey(grid)[1]
+
+    def facing(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cosine of the angle between surface and ray, from the brightness under a flash without fall-off.
+
+        What is darker than the material at grazing gets 0, and what rounding leaves beyond the brightest value 1. Found
+        by interpolation between so many angles that what is lost is less than single precision can tell.
+        """
+        returned = image / self.light.gain  # type: ignore[union-attr] # a flash has a gain
+        if isinstance(self.reflectance, Lambertian):
+            return np.minimum(returned, 1.0)
+        cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
+        return np.interp(returned, self.reflectance.coaxial(cosines), cosines)
 
     def scheme(self, chosen: str) -> str:
         """The scheme's name, "auto" resolved: the paper's under a parallel light, upwind under a flash.
@@ -72,14 +110,19 @@ class Model:
         Raises
         ------
         InputError
-            When the material is not for the upwind scheme.
+            When the material is not for the upwind scheme, which wants a convex set of gradients.
         """
-        upwind = self.falls_off and self.reflectance.monotone
+        upwind = self.at_camera and self.reflectance.monotone
         resolved = ("upwind" if upwind else "lax-friedrichs") if chosen == "auto" else chosen
         if resolved == "upwind" and not self.reflectance.monotone:
             raise InputError(
                 f"scheme='upwind' with reflectance={self.reflectance!r}: this material is not brightest face on, so "
                 "that a brightness belongs to two angles. Use scheme='lax-friedrichs'."
+            )
+        if resolved == "upwind" and not (self.at_camera or isinstance(self.reflectance, Lambertian)):
+            raise InputError(
+                f"scheme='upwind' with reflectance={self.reflectance!r} under a parallel light: this scheme is for "
+                "Lambertian() there. Use scheme='lax-friedrichs'."
             )
         return resolved
 
@@ -91,10 +134,28 @@ class Model:
     def parameters(self, grid: PixelGrid, *, sign: float = 1.0, max_slope: float = 1.0) -> list[float]:
         """Numbers of one image, in the order of kernels/prelude.cl and of the model's files."""
         steps = [0.5 / grid.dx, 0.5 / grid.dy, max_slope * grid.dx, max_slope * grid.dy, max_slope]
-        common = [*steps, sign, grid.dx, grid.dy]
+        common = [*steps, sign]
         if isinstance(self.light, ParallelLight):
-            return [*common, self.light.p0, self.light.q0, 1.0 / self.light.norm]
-        return [*common, self.light.gain, self.reflectance.steepest_log, *_material_numbers(self.reflectance)]
+            numbers = [*common, self.light.p0, self.light.q0, 1.0 / self.light.norm]
+            if isinstance(self.reflectance, Lambertian):
+                return numbers
+            return [*numbers, self._survey(grid)[0], *_material_numbers(self.reflectance)]
+        material = _material_numbers(self.reflectance)
+        if not self.light.falloff:
+            return [*common, self.light.gain, *material]
+        return [*common, self.light.gain, self.reflectance.steepest_log, *material]
+
+    def between(self, grid: PixelGrid) -> NDArray[np.float64]:
+        """Cosine of the angle between the rays and a parallel light, shape (height, width)."""
+        p0, q0, norm = self.light.p0, self.light.q0, self.light.norm  # type: ignore[union-attr] # it is parallel
+        return np.asarray((1.0 + grid.x * p0 + grid.y * q0) / (norm * np.sqrt(1.0 + grid.x**2 + grid.y**2)))
+
+    def _survey(self, grid: PixelGrid) -> tuple[float, float]:
+        """What :func:`_survey` finds, over all rays of an image."""
+        between = self.between(grid)
+        cosines = np.linspace(between.min(), between.max(), 5)
+        found = np.array([_survey(self.reflectance, float(cosine)) for cosine in cosines])
+        return float(found[:, 0].max()), float(found[:, 1].max())
 
     def axes(self, grid: PixelGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Numbers of the columns and of the rows, shapes (3, width) and (3, height).
@@ -108,6 +169,34 @@ class Model:
             root, offset = np.sqrt(1.0 + coordinate**2), np.abs(coordinate - slope) / norm
             tables.append(np.stack([coordinate, root / (2.0 * spacing), offset / (2.0 * spacing)]))
         return tables[0], tables[1]
+
+
+@lru_cache(maxsize=64)
+def _survey(reflectance: Reflectance, between: float) -> tuple[float, float]:
+    """Upper bounds of cos θr |dR/dN| across the ray, and of the brightness R, over all unit normals N seen and lit.
+
+    `between` is the cosine between light and ray. In axes along the ray e, with R_i and R_r the derivatives of R by the
+    two cosines, dR/dN = R_i (l - N cos θi) + R_r (e - N cos θr). The normals are taken in circles around the direction
+    half way between light and ray, which lie the closer the smaller they are: highlights are there.
+    """
+    half = 0.5 * np.arccos(np.clip(between, -1.0, 1.0))
+    radius, turn = np.geomspace(1e-4, np.pi, 400)[:, None], np.linspace(0.0, np.pi, 65)
+    along, beside = np.cos(radius) + 0.0 * turn, np.sin(radius) * np.cos(turn)
+    normal_x = np.cos(half) * beside + np.sin(half) * along
+    normal_y = np.sin(radius) * np.sin(turn)
+    seen = np.cos(half) * along - np.sin(half) * beside
+    lit = seen * np.cos(2.0 * half) + normal_x * np.sin(2.0 * half)
+    step = 1e-6
+    used = (seen > 2.0 * step) & (lit > 2.0 * step)
+    lit, seen, normal_x, normal_y = lit[used], seen[used], normal_x[used], normal_y[used]
+    by_lit, by_seen = (
+        (reflectance.shade(lit + a, seen + b, between) - reflectance.shade(lit - a, seen - b, between)) / (2.0 * step)
+        for a, b in ((step, 0.0), (0.0, step))
+    )
+    slope_x = by_lit * (np.sin(2.0 * half) - lit * normal_x) - by_seen * seen * normal_x
+    slope_y = -(by_lit * lit + by_seen * seen) * normal_y
+    steepest, brightest = seen * np.hypot(slope_x, slope_y), reflectance.shade(lit, seen, between)
+    return _MARGIN * float(steepest.max()), _SMALL_MARGIN * float(brightest.max())
 
 
 def _material_numbers(reflectance: Reflectance) -> list[float]:

@@ -1,4 +1,4 @@
-"""Pictures for people: depth, normals, relief, comparison and convergence, each one PNG file.
+"""Pictures for people: depth, normals, relief, comparison, confidence and convergence, each one PNG file.
 
 Every picture is drawn on a figure of its own with the Agg canvas: no display, no pyplot, no global state.
 """
@@ -6,7 +6,7 @@ Every picture is drawn on a figure of its own with the Agg canvas: no display, n
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from persfs_cl.metrics import compare
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
     from mpl_toolkits.mplot3d import Axes3D
@@ -29,6 +30,9 @@ Array = NDArray[np.float64]
 
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140
+# Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
+_REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
+_NOTHING_DOUBTFUL = "0.65"
 _NO_SURFACE = "0.88"
 _SLENDEREST = 8.0
 _STEEPEST_CHANGE = 10.0
@@ -252,6 +256,63 @@ def comparison_picture(
             figure.suptitle(title)
 
 
+def confidence_picture(
+    path: FilePath, slope_error: ArrayLike, doubts: Mapping[str, NDArray[np.bool_]], title: str = "Confidence"
+) -> None:
+    """Draw how much the slope suffers from errors of the brightness, and beside it which pixels are in doubt and why.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    slope_error : array_like, shape (height, width)
+        Change of the slope for a change of the brightness by 1 %, above 0; NaN where there is no surface.
+    doubts : mapping of str to ndarray of bool, shape (height, width)
+        Pixels by reason, at most 8; of several reasons the first is drawn, and counted.
+    title : str
+
+    Raises
+    ------
+    InputError
+        When ``slope_error`` is NaN everywhere or no image, or a map of ``doubts`` has another shape.
+    """
+    from matplotlib.colors import ListedColormap, LogNorm
+    from matplotlib.patches import Patch
+    from matplotlib.ticker import LogFormatter
+
+    errors = np.asarray(slope_error, dtype=np.float64)
+    if errors.ndim != 2:
+        raise InputError(f"slope_error has shape {errors.shape}: give one number a pixel, (height, width).")
+    _require_finite("slope_error", errors)
+    classes = np.where(np.isfinite(errors), 0.0, np.nan)
+    labels = ["none", *doubts]
+    # Backwards, so that the first of several reasons is on top.
+    for number, reason in reversed(list(enumerate(labels))[1:]):
+        pixels = doubts[reason]
+        if pixels.shape != errors.shape:
+            raise InputError(f"doubts[{reason!r}] has shape {pixels.shape}: give that of slope_error, {errors.shape}.")
+        classes[pixels] = number
+    colours = (_NOTHING_DOUBTFUL, *_REASONS)
+    patches = [
+        Patch(color=colours[number], label=f"{labels[number]}: {count:,} px")
+        for number, count in zip(*np.unique(classes[~np.isnan(classes)].astype(int), return_counts=True), strict=True)
+    ]
+    hundredths = 100.0 * errors
+    low, high = np.nanpercentile(hundredths, (1, 99))
+    with _figure(path, *_size(errors, panels=2)) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
+        picture = _show(left, hundredths, "Slope error for a brightness\n1 % wrong (bright: worse)", "cividis")
+        # Wider than a flat surface needs, for a scale of one value has no colours.
+        picture.set_norm(LogNorm(low / 1.01, high * 1.01))
+        place = "bottom" if errors.shape[1] > 3 * errors.shape[0] else "left"
+        bar = figure.colorbar(picture, location=place, label="change of tan θ, in hundredths", extend="both")
+        bar.long_axis.set_major_formatter("{x:g}")
+        bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
+        _show(right, classes, "In doubt, and why", ListedColormap(colours), (-0.5, len(colours) - 0.5))
+        figure.legend(handles=patches, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+        figure.suptitle(title)
+
+
 def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, title: str = "Convergence") -> None:
     """Draw the change of every iteration on a logarithmic axis, beside the tolerance.
 
@@ -355,7 +416,7 @@ def _show(
     axes: Axes,
     image: Array,
     title: str,
-    cmap: str,
+    cmap: str | Colormap,
     limits: tuple[float, float] | tuple[None, None] = (None, None),
 ) -> AxesImage:
     """Image on axes in pixels, light grey where it is NaN.

@@ -1,11 +1,14 @@
 """The method in plain NumPy, float64: the independent judge of every kernel.
 
 Nothing here imports the OpenCL side or the solver. Sweeps go along anti-diagonals, whose cells do not read each other:
-the same values as the paper's double loop, at NumPy's speed.
+the same values as the paper's double loop, at NumPy's speed. What the upwind kernels have in closed form is found here
+by bisection, from the Hamiltonian and the direction of its gradient alone.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +21,13 @@ from persfs_cl.reflectance import Lambertian, Reflectance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Slopes = tuple[Array, Array]
+
+_QUADRANTS = ((0, 0), (1, 0), (0, 1), (1, 1))
+_HALVINGS = 56
+"""These take the widest bracket, some hundred pixels at the steepest slope, down to the rounding of a float64."""
+_UNBOUNDED = 1e9
+"""Stands for the slope at which H is least where it falls for ever."""
 
 
 def surface_norm(p: Array, q: Array, x: Array, y: Array) -> Array:
@@ -106,16 +116,139 @@ def brightness(
     return np.asarray(light.gain * (returned / distance**2 if light.falloff else returned))
 
 
-def hamiltonian(brightness: Array, p: Array, q: Array, x: Array, y: Array, light: ParallelLight) -> Array:
-    """H(P) = E S - n / k, eq. (7)."""
-    return brightness * surface_norm(p, q, x, y) - shade(p, q, x, y, light)
+@dataclass(frozen=True)
+class Equation(ABC):
+    """H(Z, P) = pull Z + H(0, P) <= 0 at some cells, and what the schemes ask of it. All arrays have one shape.
+
+    Attributes
+    ----------
+    brightness : ndarray of float64
+        What the kernels read under this name.
+    x, y : ndarray of float64
+        Normalised image coordinates.
+    """
+
+    brightness: Array
+    x: Array
+    y: Array
+
+    @property
+    @abstractmethod
+    def pull(self) -> float:
+        """∂H/∂Z."""
+
+    @abstractmethod
+    def hamiltonian(self, p: Array, q: Array) -> Array:
+        """H at Z = 0."""
+
+    @abstractmethod
+    def gradient(self, p: Array, q: Array) -> Slopes:
+        """(∂H/∂p, ∂H/∂q), or a positive multiple of it."""
+
+    @abstractmethod
+    def viscosity(self) -> Slopes:
+        """σx and σy: bounds of |∂H/∂p| and |∂H/∂q| over all P."""
+
+    @abstractmethod
+    def least_p(self, q: Array) -> Array:
+        """The p at which H is least."""
+
+    @abstractmethod
+    def least_q(self, p: Array) -> Array:
+        """The q at which H is least."""
 
 
-def viscosity(brightness: Array, x: Array, y: Array, light: ParallelLight) -> tuple[Array, Array]:
-    """σx = E sqrt(1 + x²) + |x - p0| / k and σy likewise: bounds of |∂H/∂p| and |∂H/∂q| over all P."""
-    along_x = brightness * np.sqrt(1.0 + x**2) + np.abs(x - light.p0) / light.norm
-    along_y = brightness * np.sqrt(1.0 + y**2) + np.abs(y - light.q0) / light.norm
-    return along_x, along_y
+@dataclass(frozen=True)
+class ParallelEquation(Equation):
+    """H(P) = E S - n / k, eq. (7), under a parallel light. Where H falls for ever the least slope is ±`steepest`."""
+
+    light: ParallelLight
+    steepest: float
+
+    @property
+    def pull(self) -> float:
+        """Z plays no part."""
+        return 0.0
+
+    def hamiltonian(self, p: Array, q: Array) -> Array:
+        """See :class:`Equation`."""
+        return self.brightness * surface_norm(p, q, self.x, self.y) - shade(p, q, self.x, self.y, self.light)
+
+    def gradient(self, p: Array, q: Array) -> Slopes:
+        """See :class:`Equation`."""
+        light, per_norm = self.light, self.brightness / surface_norm(p, q, self.x, self.y)
+        along_x, along_y = _half_gradient_of_square_norm(p, q, self.x, self.y)
+        return per_norm * along_x - (self.x - light.p0) / light.norm, per_norm * along_y - (
+            self.y - light.q0
+        ) / light.norm
+
+    def viscosity(self) -> Slopes:
+        """σx = E sqrt(1 + x²) + |x - p0| / k and σy likewise."""
+        light = self.light
+        along_x = self.brightness * np.sqrt(1.0 + self.x**2) + np.abs(self.x - light.p0) / light.norm
+        along_y = self.brightness * np.sqrt(1.0 + self.y**2) + np.abs(self.y - light.q0) / light.norm
+        return along_x, along_y
+
+    def least_p(self, q: Array) -> Array:
+        """See :class:`Equation`."""
+        return self._least(q, self.x, self.y, self.light.p0)
+
+    def least_q(self, p: Array) -> Array:
+        """See :class:`Equation`."""
+        return self._least(p, self.y, self.x, self.light.q0)
+
+    def _least(self, across: Array, along: Array, beside: Array, slope_of_light: float) -> Array:
+        m = (along - slope_of_light) / self.light.norm
+        a = 1.0 + along**2
+        excess = a * self.brightness**2 - m**2
+        bounded = np.where(excess > 0.0, excess, 1.0)
+        w = 1.0 + beside * across
+        least = (m * np.sqrt((a * across**2 + w**2) / bounded) - along * w) / a
+        least = np.where(excess > 0.0, least, np.copysign(np.inf, m))
+        return np.clip(least, -self.steepest, self.steepest)
+
+
+@dataclass(frozen=True)
+class FlashEquation(Equation):
+    """H(Z, P) = 2 Z + ln F - ln c(θ) under a light at the camera, with F = I R² / κ for the brightness.
+
+    The steepness of the surface as the light sees it is in S: cos θ = 1 / (R S).
+    """
+
+    reflectance: Reflectance
+
+    @property
+    def pull(self) -> float:
+        """Of the fall-off."""
+        return 2.0
+
+    def hamiltonian(self, p: Array, q: Array) -> Array:
+        """See :class:`Equation`."""
+        cosine = 1.0 / (np.sqrt(1.0 + self.x**2 + self.y**2) * surface_norm(p, q, self.x, self.y))
+        return np.asarray(np.log(self.brightness) - np.log(self.reflectance.coaxial(cosine)))
+
+    def gradient(self, p: Array, q: Array) -> Slopes:
+        """That of S², a multiple where the material is darker the steeper it is seen."""
+        return _half_gradient_of_square_norm(p, q, self.x, self.y)
+
+    def viscosity(self) -> Slopes:
+        """σx = max |d ln c / dt| R sqrt(1 + x²) with t = tan θ, and σy likewise."""
+        scale = self.reflectance.steepest_log * np.sqrt(1.0 + self.x**2 + self.y**2)
+        return scale * np.sqrt(1.0 + self.x**2), scale * np.sqrt(1.0 + self.y**2)
+
+    def least_p(self, q: Array) -> Array:
+        """Where S is least."""
+        return -self.x * (1.0 + self.y * q) / (1.0 + self.x**2)
+
+    def least_q(self, p: Array) -> Array:
+        """Where S is least."""
+        return -self.y * (1.0 + self.x * p) / (1.0 + self.y**2)
+
+
+def _half_gradient_of_square_norm(p: Array, q: Array, x: Array, y: Array) -> Slopes:
+    """Half the derivatives of S² by p and q."""
+    w = 1.0 + x * p + y * q
+    return p + x * w, q + y * w
 
 
 def constrained(here: Array, before: Array, after: Array, spacing: float, least: Array) -> Array:
@@ -140,10 +273,13 @@ class Reference:
     log_depth : ndarray of float64, shape (height, width)
         W = ±Z, changed in place.
     brightness : ndarray of float64, shape (height, width)
+        E, or F under a flash.
     flags : ndarray of uint8, shape (height, width)
     boundary : Boundary
     grid : PixelGrid
-    light : ParallelLight
+    light : ParallelLight or FlashLight
+    reflectance : Reflectance
+    scheme : {"lax-friedrichs", "upwind"}
     sign : float
         +1 for W = Z, -1 for W = -Z.
     max_slope : float
@@ -157,7 +293,9 @@ class Reference:
     flags: NDArray[np.uint8]
     boundary: Boundary
     grid: PixelGrid
-    light: ParallelLight
+    light: Light
+    reflectance: Reflectance = Lambertian()
+    scheme: str = "lax-friedrichs"
     sign: float = 1.0
     max_slope: float = 30.0
     linear: bool = False
@@ -166,7 +304,7 @@ class Reference:
     def iterate(self) -> float:
         """Four sweeps, the boundary renewed after each; returns max |ΔZ|."""
         before = self.log_depth.copy()
-        for leftwards, upwards in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        for leftwards, upwards in _QUADRANTS:
             self.sweep(leftwards, upwards)
             self.renew_boundary()
         return float(np.abs(self.log_depth - before).max())
@@ -182,13 +320,13 @@ class Reference:
             if leftwards:
                 columns = width - 1 - columns
             swept = (self.flags[rows, columns] & SWEPT) != 0
-            self._update(rows[swept], columns[swept])
+            self._update(rows[swept], columns[swept], [(leftwards, upwards)])
 
     def sweep_colour(self, colour: int) -> None:
         """Update all cells whose row + column has the parity `colour`."""
         rows, columns = np.nonzero(self.flags & SWEPT)
         chosen = (rows + columns) % 2 == colour
-        self._update(rows[chosen], columns[chosen])
+        self._update(rows[chosen], columns[chosen], _QUADRANTS)
 
     def renew_boundary(self) -> None:
         """Eq. (12): edges first, corners last; the values of a pass are computed before the first is written."""
@@ -202,50 +340,110 @@ class Reference:
             values = self.log_depth.ravel()
             values[cells] = np.minimum(values[cells], renewed)
 
-    def candidate(self, rows: Indices, columns: Indices) -> Array:
-        """Lax-Friedrichs values of some cells, eq. (11) with its sign put right, and the bound on the slope."""
+    def lax_friedrichs(self, rows: Indices, columns: Indices) -> Array:
+        """New values of some cells, eq. (11) with its sign put right, and the bound on the slope."""
         here, left, right, up, down = self._around(rows, columns)
-        x, y = self.grid.x[columns], self.grid.y[rows, 0]
         dx, dy = self.grid.dx, self.grid.dy
-        brightness = self.brightness[rows, columns]
-        p, q = self._gradient(here, left, right, up, down, brightness, x, y)
+        equation = self.equation(rows, columns, self.max_slope)
+        p, q = self._gradient(here, left, right, up, down, equation)
         sum_x = np.where(np.isnan(left + right), 2.0 * here, left + right)
         sum_y = np.where(np.isnan(up + down), 2.0 * here, up + down)
-        sigma_x, sigma_y = viscosity(brightness, x, y, self.light)
+        sigma_x, sigma_y = equation.viscosity()
         value = (
-            -hamiltonian(brightness, self.sign * p, self.sign * q, x, y, self.light)
+            -equation.hamiltonian(self.sign * p, self.sign * q)
             + sigma_x * sum_x / (2.0 * dx)
             + sigma_y * sum_y / (2.0 * dy)
-        ) / (sigma_x / dx + sigma_y / dy)
+        ) / (sigma_x / dx + sigma_y / dy + equation.pull)
         steepest_x = np.fmin(left, right) + self.max_slope * dx
         steepest_y = np.fmin(up, down) + self.max_slope * dy
         return np.asarray(np.fmin(value, np.fmin(steepest_x, steepest_y)))
 
-    def _gradient(
-        self, here: Array, left: Array, right: Array, up: Array, down: Array, brightness: Array, x: Array, y: Array
-    ) -> tuple[Array, Array]:
+    def upwind(
+        self, rows: Indices, columns: Indices, leftwards: int, upwards: int, *, both_edges: bool = False
+    ) -> Array:
+        """New values of some cells from the two neighbours that a sweep visits before; NaN where both are missing.
+
+        The largest value that H allows given one neighbour, whatever the slope across (an edge), or given both (the
+        triangle), which counts if H rises there with both slopes, so that both neighbours matter.
+
+        Where H depends on Z the kernel follows one edge only: that which allows less at the steepness of the present
+        value. So does this, unless `both_edges`.
+        """
+        here, left, right, up, down = self._around(rows, columns)
+        dx, dy = self.grid.dx, self.grid.dy
+        equation = self.equation(rows, columns, _UNBOUNDED)
+        beside, per_x = (right, -self.sign / dx) if leftwards else (left, self.sign / dx)
+        above, per_y = (down, -self.sign / dy) if upwards else (up, self.sign / dy)
+        step_x, step_y = self.max_slope * dx, self.max_slope * dy
+        level_p, level_q = self._level_slopes(rows, columns)
+
+        def along_x(value: Array) -> Slopes:
+            p = per_x * (value - beside) + level_p
+            return p, equation.least_q(p)
+
+        def along_y(value: Array) -> Slopes:
+            q = per_y * (value - above) + level_q
+            return equation.least_p(q), q
+
+        def between(value: Array) -> Slopes:
+            return per_x * (value - beside) + level_p, per_y * (value - above) + level_q
+
+        def allowed(slopes: Callable[[Array], Slopes], low: Array, high: Array, level: Array | None = None) -> Array:
+            """Where H, at the slopes that belong to a value, becomes positive for good; H(level, P) if given."""
+            for _ in range(_HALVINGS):
+                value = 0.5 * (low + high)
+                p, q = slopes(value)
+                rise_p, rise_q = equation.gradient(p, q)
+                excess = equation.hamiltonian(p, q) + equation.pull * (value if level is None else level)
+                beyond = (excess > 0.0) & (per_x * rise_p + per_y * rise_q > 0.0)
+                low, high = np.where(beyond, low, value), np.where(beyond, value, high)
+            return low
+
+        edge_x = allowed(along_x, beside - step_x, beside + step_x)
+        edge_y = allowed(along_y, above - step_y, above + step_y)
+        if equation.pull and not both_edges:
+            now_x = allowed(along_x, beside - step_x, beside + 1e3 * step_x, here)
+            now_y = allowed(along_y, above - step_y, above + 1e3 * step_y, here)
+            edge_x, edge_y = np.where(now_x >= now_y, np.nan, edge_x), np.where(now_x < now_y, np.nan, edge_y)
+        highest = np.fmin(beside + step_x, above + step_y)
+        triangle = allowed(between, np.fmin(beside, above) - step_x - step_y, highest)
+        rise_p, rise_q = equation.gradient(*between(triangle))
+        triangle[~((per_x * rise_p > 0.0) & (per_y * rise_q > 0.0))] = np.nan
+        return np.asarray(np.fmin(np.fmin(np.fmin(edge_x, edge_y), triangle), highest))
+
+    def _level_slopes(self, rows: Indices, columns: Indices) -> tuple[Array | float, Array | float]:
+        """Gradient of Z where the unknown of the upwind scheme is level: that of -ln(1 + p0 x + q0 y)."""
+        if not isinstance(self.light, ParallelLight):
+            return 0.0, 0.0
+        p0, q0 = self.light.p0, self.light.q0
+        facing = 1.0 + p0 * self.grid.x[columns] + q0 * self.grid.y[rows, 0]
+        return -p0 / facing, -q0 / facing
+
+    def equation(self, rows: Indices, columns: Indices, steepest: float) -> Equation:
+        """The equation at some cells."""
+        cells = self.brightness[rows, columns], self.grid.x[columns], self.grid.y[rows, 0]
+        if isinstance(self.light, ParallelLight):
+            return ParallelEquation(*cells, self.light, steepest)
+        return FlashEquation(*cells, self.reflectance)
+
+    def _gradient(self, here: Array, left: Array, right: Array, up: Array, down: Array, equation: Equation) -> Slopes:
         """Central differences; where a neighbour is missing (NaN) one-sided ones, as far as H falls along them."""
         p = np.where(np.isnan(left + right), 0.0, (right - left) / (2.0 * self.grid.dx))
         q = np.zeros_like(p)
         for _ in range(3):
-            least = self.sign * self._least_slope(brightness, self.sign * p, y, x, self.light.q0)
-            q = constrained(here, up, down, self.grid.dy, least)
-            least = self.sign * self._least_slope(brightness, self.sign * q, x, y, self.light.p0)
-            p = constrained(here, left, right, self.grid.dx, least)
+            q = constrained(here, up, down, self.grid.dy, self.sign * equation.least_q(self.sign * p))
+            p = constrained(here, left, right, self.grid.dx, self.sign * equation.least_p(self.sign * q))
         return p, q
 
-    def _least_slope(self, brightness: Array, q: Array, x: Array, y: Array, slope: float) -> Array:
-        m = (x - slope) / self.light.norm
-        a = 1.0 + x**2
-        excess = a * brightness**2 - m**2
-        bounded = np.where(excess > 0.0, excess, 1.0)
-        least = (m * np.sqrt((a * q**2 + (1.0 + y * q) ** 2) / bounded) - x * (1.0 + y * q)) / a
-        least = np.where(excess > 0.0, least, np.copysign(np.inf, m))
-        return np.clip(least, -self.max_slope, self.max_slope)
-
-    def _update(self, rows: Indices, columns: Indices) -> None:
-        here = self.log_depth[rows, columns]
-        self.log_depth[rows, columns] = np.minimum(here, self.candidate(rows, columns))
+    def _update(self, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]) -> None:
+        values = self.log_depth[rows, columns]
+        if self.scheme == "upwind":
+            found = [self.upwind(rows, columns, *quadrant) for quadrant in quadrants]
+        else:
+            found = [self.lax_friedrichs(rows, columns)]
+        for candidate in found:
+            values = np.fmin(values, candidate)
+        self.log_depth[rows, columns] = values
 
     def _around(self, rows: Indices, columns: Indices) -> tuple[Array, Array, Array, Array, Array]:
         """Values here, left, right, up and down; NaN where a neighbour is missing."""

@@ -107,7 +107,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class _Photograph:
+class Photograph:
     """How a scene is lit and taken."""
 
     light: Light
@@ -123,7 +123,7 @@ class _Photograph:
             raise InputError(f"reflectance={self.reflectance!r} is no material: give Lambertian(), OrenNayar or Phong.")
         if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
             raise InputError(f"bits={self.bits!r} is no quantisation: give 1 to 32, or None for unquantised.")
-        _check_finite("noise", self.noise)
+        check_finite("noise", self.noise)
         if self.noise < 0:
             raise InputError(f"noise={self.noise!r} is below 0: give a share of the brightest value, 0 for none.")
         if not (_is_whole(self.seed) and self.seed >= 0):
@@ -212,10 +212,10 @@ def vase(
         When an argument is out of its range, or the vase would reach the camera.
     """
     height, width = _checked_shape(shape)
-    photograph = _Photograph(light, reflectance, bits, noise, seed)
-    _check_choice("surface", surface, get_args(Surface))
-    _check_choice("known", known, get_args(VaseKnown))
-    _check_positive("offset", offset)
+    photograph = Photograph(light, reflectance, bits, noise, seed)
+    check_choice("surface", surface, get_args(Surface))
+    check_choice("known", known, get_args(VaseKnown))
+    check_positive("offset", offset)
     camera = Camera(focal_length=(float(width), float(height)))
     grid = camera.grid(shape)
     u, v = grid.x, 0.5 - grid.y
@@ -286,7 +286,7 @@ def bump(
     CameraError
         When the focal length is impossible.
     """
-    photograph = _Photograph(light, reflectance, bits, noise, seed)
+    photograph = Photograph(light, reflectance, bits, noise, seed)
 
     def profile(x: Array, y: Array) -> tuple[Array, Array, Array]:
         value = np.exp(-(x**2) - 3 * y**2)
@@ -341,7 +341,7 @@ def bumps(
     CameraError
         When the focal length is impossible.
     """
-    photograph = _Photograph(light, reflectance, bits, noise, seed)
+    photograph = Photograph(light, reflectance, bits, noise, seed)
 
     def profile(x: Array, y: Array) -> tuple[Array, Array, Array]:
         total, slope_x, slope_y = np.zeros((3, *np.broadcast_shapes(x.shape, y.shape)))
@@ -405,10 +405,10 @@ def hillside(
     CameraError
         When the focal length is impossible.
     """
-    photograph = _Photograph(light, reflectance, bits, noise, seed)
-    _check_choice("surface", surface, get_args(Surface))
-    _check_positive("relief", relief)
-    camera = _camera(shape, focal_length)
+    photograph = Photograph(light, reflectance, bits, noise, seed)
+    check_choice("surface", surface, get_args(Surface))
+    check_positive("relief", relief)
+    camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
     unit = min(shape[1] * grid.dx, shape[0] * grid.dy) / 2
     cosine, sine = _turn(orientation)
@@ -479,12 +479,12 @@ def sphere_cap(
     CameraError
         When the focal length is impossible.
     """
-    photograph = _Photograph(light, reflectance, bits, noise, seed)
-    _check_choice("surface", surface, get_args(Surface))
-    _check_positive("relief", relief)
-    _check_positive("radius", radius)
-    _check_finite("centre", *centre)
-    camera = _camera(shape, focal_length)
+    photograph = Photograph(light, reflectance, bits, noise, seed)
+    check_choice("surface", surface, get_args(Surface))
+    check_positive("relief", relief)
+    check_positive("radius", radius)
+    check_finite("centre", *centre)
+    camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
     unit = min(shape[1] * grid.dx, shape[0] * grid.dy) / 2
     reach = math.hypot(*centre) + radius
@@ -536,15 +536,15 @@ def _framed(
     profile: Callable[[Array, Array], tuple[Array, Array, Array]],
     shape: tuple[int, int],
     focal_length: float | tuple[float, float] | None,
-    photograph: _Photograph,
+    photograph: Photograph,
     surface: Surface,
     orientation: float,
     relief: float,
 ) -> Scene:
     """1 ± relief (1 - ξ²)(1 - η²) profile, which returns its value and its two slopes at turned (X, Y)."""
-    _check_choice("surface", surface, get_args(Surface))
-    _check_positive("relief", relief)
-    camera = _camera(shape, focal_length)
+    check_choice("surface", surface, get_args(Surface))
+    check_positive("relief", relief)
+    camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
     half_width, half_height = shape[1] * grid.dx / 2, shape[0] * grid.dy / 2
     unit = min(half_width, half_height)
@@ -568,7 +568,7 @@ def _framed(
 def _scene(
     name: str,
     camera: Camera,
-    photograph: _Photograph,
+    photograph: Photograph,
     surface: Surface,
     depth: Array,
     log_depth_gradient: tuple[Array, Array],
@@ -586,7 +586,8 @@ def _scene(
     return Scene(depth, image, camera, mask, known_depth, log_depth_gradient, light, reflectance, surface, name)
 
 
-def _camera(shape: tuple[int, int], focal_length: float | tuple[float, float] | None) -> Camera:
+def square_camera(shape: tuple[int, int], focal_length: float | tuple[float, float] | None) -> Camera:
+    """A camera with its focal length; that of an image one focal length wide when none is given."""
     _, width = _checked_shape(shape)
     return Camera(focal_length=float(width) if focal_length is None else focal_length)
 
@@ -607,7 +608,7 @@ def _local_minima(values: Array) -> Mask:
 
 
 def _turn(orientation: float) -> tuple[float, float]:
-    _check_finite("orientation", orientation)
+    check_finite("orientation", orientation)
     return math.cos(math.radians(orientation)), math.sin(math.radians(orientation))
 
 
@@ -622,17 +623,20 @@ def _is_whole(value: object) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """InputError when the value of an argument is none of the choices."""
     if value not in choices:
         listed = " or ".join(f'"{choice}"' for choice in choices)
         raise InputError(f"{name}={value!r} is unknown: choose {listed}.")
 
 
-def _check_finite(name: str, *values: float) -> None:
+def check_finite(name: str, *values: float) -> None:
+    """InputError when an argument is no number, or not finite."""
     if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
         raise InputError(f"{name}={values if len(values) > 1 else values[0]!r} is not finite: give numbers.")
 
 
-def _check_positive(name: str, value: float) -> None:
+def check_positive(name: str, value: float) -> None:
+    """InputError when an argument is no finite number above 0."""
     if not (isinstance(value, Real) and math.isfinite(value) and value > 0):
         raise InputError(f"{name}={value!r} is not a length: give a finite number above 0.")

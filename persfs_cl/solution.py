@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from persfs_cl import forward, images, metrics, pictures, surface
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
+from persfs_cl.confidence import Confidence, slope_error
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, atomic_path, filling
 from persfs_cl.light import Light, ParallelLight
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     import trimesh
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Doubts = Mapping[str, Mask]
 
 
 class Status(enum.Enum):
@@ -86,6 +89,8 @@ class Solution:
         As given.
     parameters : mapping
         The remaining keywords, with "auto" resolved.
+    albedo : ndarray of float64, shape (height, width), or None
+        As given; 1 where there is no surface.
     """
 
     depth: Array
@@ -103,6 +108,7 @@ class Solution:
     light: Light
     reflectance: Reflectance
     parameters: Mapping[str, Any]
+    albedo: Array | None = field(default=None, repr=False)
 
     def normals(self) -> Array:
         """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved."""
@@ -134,7 +140,12 @@ class Solution:
     def render(self) -> Array:
         """The surface photographed again under its own light, eq. (6); NaN where not solved."""
         return forward.render(
-            self.depth, self.camera, light=self.light, reflectance=self.reflectance, device=self.device
+            self.depth,
+            self.camera,
+            light=self.light,
+            reflectance=self.reflectance,
+            albedo=self.albedo,
+            device=self.device,
         )
 
     def grey_errors(self, photo: Array | None = None) -> metrics.Errors:
@@ -150,8 +161,50 @@ class Solution:
         grey = 255.0 / self.white
         return metrics.compare(grey * np.clip(self.render(), 0.0, self.white), grey * given)
 
-    def report(self) -> dict[str, Any]:
-        """Everything about the run that a later reader needs, ready for JSON."""
+    def confidence(self, doubts: Doubts | None = None) -> Confidence:
+        """How far each pixel can be believed, as far as it can be told without knowing the surface.
+
+        Parameters
+        ----------
+        doubts : mapping of str to ndarray of bool, shape (height, width), optional
+            Further pixels whose brightness does not tell of the slope, by the reason: shadows, highlights and the like.
+            In :attr:`Confidence.doubts <persfs_cl.confidence.Confidence.doubts>` they come after those that the solver
+            knows of: "unreached" and "clamped".
+
+        Returns
+        -------
+        Confidence
+
+        Raises
+        ------
+        InputError
+            When a map is not of bool, or not of the image's shape.
+        """
+        given = {reason: np.asarray(pixels) for reason, pixels in (doubts or {}).items()}
+        for reason, pixels in given.items():
+            if pixels.dtype != bool or pixels.shape != self.depth.shape:
+                raise InputError(
+                    f"doubts[{reason!r}] is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's "
+                    f"shape {self.depth.shape}."
+                )
+        if isinstance(self.light, ParallelLight):
+            to_light = np.array([-self.light.p0, -self.light.q0, -1.0])
+        else:
+            to_light = np.asarray(self.light.offset) - self.points()
+        to_light = to_light / np.linalg.norm(to_light, axis=-1, keepdims=True)
+        cosine = (self.normals() * to_light).sum(axis=-1)
+        return Confidence(
+            slope_error(cosine, self.reflectance), {"unreached": self.unreached, "clamped": self.clamped, **given}
+        )
+
+    def report(self, doubts: Doubts | None = None) -> dict[str, Any]:
+        """Everything about the run that a later reader needs, ready for JSON.
+
+        Parameters
+        ----------
+        doubts : mapping, optional
+            As for :meth:`confidence`.
+        """
         grey = self.grey_errors()
         height, width = self.depth.shape
         return {
@@ -171,10 +224,11 @@ class Solution:
                 "max": float(np.nanmax(self.depth)),
             },
             "grey_levels": {
-                "compared_with": "the prepared image E",
+                "compared_with": "the prepared image",
                 "mean_error": grey.mean,
                 "root_mean_square": grey.root_mean_square,
             },
+            "confidence": self.confidence(doubts).report(),
             "seconds": {
                 "total": self.elapsed.total,
                 "kernels": self.elapsed.kernels,
@@ -205,6 +259,7 @@ class Solution:
         *,
         colour: NDArray[np.uint8] | None = None,
         report: Mapping[str, Any] | None = None,
+        doubts: Doubts | None = None,
         folder: bool = False,
     ) -> list[Path]:
         """Write the surface to one file, or everything to a folder.
@@ -215,12 +270,14 @@ class Solution:
             A file whose suffix says what is wanted: ``.npy``, ``.tif``, ``.tiff`` (depth, float32 in TIFF), ``.png``
             (picture of the depth), ``.ply``, ``.obj``, ``.stl``, ``.glb`` (mesh), ``.json`` (report). A name
             without a suffix, or of a folder that exists, is a folder, made if needed, that receives depth.npy,
-            depth.tiff, depth.png, normals.png, relief.png, mesh.ply, rendered.png, comparison.png, convergence.png
-            and report.json.
+            depth.tiff, depth.png, normals.png, relief.png, mesh.ply, rendered.png, comparison.png, confidence.png,
+            convergence.png and report.json.
         colour : ndarray of uint8, optional
             Vertex colours of the mesh, as for :meth:`mesh`.
         report : mapping, optional
             Further entries for the report.
+        doubts : mapping, optional
+            As for :meth:`confidence`, for the picture of it and the report.
         folder : bool
             True makes a folder of `path` whatever its suffix.
 
@@ -236,28 +293,39 @@ class Solution:
         """
         target = Path(path)
         if target.suffix and not folder and not target.is_dir():
-            self._write(target, colour, report)
+            self._write(target, colour, report, doubts)
             return [target]
         names = ("depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json")
         with filling(target) as temporary:
             files = [temporary / name for name in names]
             for file in files:
-                self._write(file, colour, report)
-            files += self._draw(temporary)
+                self._write(file, colour, report, doubts)
+            files += self._draw(temporary, doubts)
         return [target / file.name for file in files]
 
-    def _write(self, target: Path, colour: NDArray[np.uint8] | None, report: Mapping[str, Any] | None) -> None:
+    @property
+    def _unit(self) -> str:
+        known = isinstance(self.light, ParallelLight) or not self.light.falloff
+        return pictures.UNIT if known else "units of the light's gain"
+
+    def _write(
+        self,
+        target: Path,
+        colour: NDArray[np.uint8] | None,
+        report: Mapping[str, Any] | None,
+        doubts: Doubts | None,
+    ) -> None:
         suffix = target.suffix.lower()
         if suffix in (".npy", ".tif", ".tiff"):
             images.write_depth(target, self.depth)
         elif suffix == ".png":
-            pictures.depth_picture(target, self.depth)
+            pictures.depth_picture(target, self.depth, unit=self._unit)
         elif suffix in (".ply", ".obj", ".stl", ".glb"):
             mesh = self.mesh(colour)
             with atomic_path(target) as temporary:
                 mesh.export(temporary)
         elif suffix == ".json":
-            text = json.dumps({**self.report(), **(report or {})}, indent=2)
+            text = json.dumps({**self.report(doubts), **(report or {})}, indent=2)
             with atomic_path(target) as temporary:
                 temporary.write_text(text + "\n", encoding="utf-8")
         else:
@@ -266,11 +334,14 @@ class Solution:
                 "or a folder name without suffix for everything."
             )
 
-    def _draw(self, folder: Path) -> list[Path]:
+    def _draw(self, folder: Path, doubts: Doubts | None) -> list[Path]:
         rendered, image = self.render() / self.white, self.image / self.white
         pictures.normals_picture(folder / "normals.png", self.normals())
-        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, image)
+        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, image, unit=self._unit)
         images.write_grey(folder / "rendered.png", rendered)
         pictures.comparison_picture(folder / "comparison.png", image, rendered, photo_title="Prepared photograph")
+        confidence = self.confidence(doubts)
+        pictures.confidence_picture(folder / "confidence.png", confidence.slope_error, confidence.doubts)
         pictures.convergence_picture(folder / "convergence.png", self.changes, self.parameters["tolerance"])
-        return [folder / f"{name}.png" for name in ("normals", "relief", "rendered", "comparison", "convergence")]
+        names = ("normals", "relief", "rendered", "comparison", "confidence", "convergence")
+        return [folder / f"{name}.png" for name in names]

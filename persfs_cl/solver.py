@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl import lamp
 from persfs_cl._cl.device import Device, select_device
-from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl.camera import Camera
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -32,6 +34,12 @@ _CHOICES = {
     "precision": ("float32", "float64"),
 }
 
+_MAX_SLOPE = 30.0
+_MAX_SLOPE_UPWIND = 5.0
+
+_FREE_CORRECTIONS = 40
+"""Iterations of second order in which values may rise."""
+
 _QUEUE_SECONDS = 0.03
 """Iterations are queued so many at a time as take about this long: few waits, and Ctrl-C is still heard at once."""
 
@@ -45,6 +53,7 @@ def reconstruct(
     mask: ArrayLike | None = None,
     walls: ArrayLike | None = None,
     known_depth: ArrayLike | None = None,
+    albedo: ArrayLike | None = None,
     surface: str = "away",
     boundary: str = "auto",
     scheme: str = "auto",
@@ -52,7 +61,7 @@ def reconstruct(
     accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
-    max_slope: float = 30.0,
+    max_slope: float | None = None,
     device: int | str | Device | None = None,
     precision: str = "float32",
     callback: Callback | None = None,
@@ -69,9 +78,12 @@ def reconstruct(
     camera : Camera
     light : ParallelLight or FlashLight
         A frontal parallel light by default. Under a flash that fades with distance the image alone determines the
-        depth, in the unit of the gain: no known values, no choice of `surface`.
+        depth, in the unit of the gain: no known values, no choice of `surface`. With the lamp beside the camera the
+        image is solved as if it were at the camera, corrected by what the surface found says of that, and solved again,
+        in up to 10 rounds: for a lamp not farther off than a fifth of the depth or so, and no shadows.
     reflectance : Lambertian, OrenNayar or Phong
-        Under a parallel light Lambertian only.
+        Under a parallel light others than Lambertian are for the Lax-Friedrichs scheme, and an image is on the scale of
+        what the material returns.
     mask : array_like of bool, shape (height, width), optional
         True where the surface is to be solved; everywhere when not given.
     walls : array_like of bool, shape (height, width), optional
@@ -79,7 +91,9 @@ def reconstruct(
     known_depth : array_like of float, shape (height, width), optional
         Depths z > 0 that are kept exactly, NaN where unknown; inside the mask or beside it. When not given, with a
         parallel light the edge of the image or mask has z = 1 (the paper's zero boundary conditions); with a flash
-        nothing is known.
+        nothing is known, and without its fall-off some depth must be given.
+    albedo : array_like of float, shape (height, width), optional
+        Share of light in (0, 1] that the surface returns at each pixel, by which the image is divided; 1 if not given.
     surface : {"away", "toward"}
         Which way the surface leaves the known values: Z grows away from them, or falls, coming towards the camera.
     boundary : {"auto", "outflow", "extrapolate", "fixed", "wall"}
@@ -97,15 +111,17 @@ def reconstruct(
         iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under
         eq. (12) the limit may differ a little, and with "extrapolate" much.
     accuracy_order : int
-        1: both schemes are of first order.
+        1: both schemes are of first order. 2: the upwind scheme, once converged, is corrected to second order where the
+        surface is smooth, and stays as it is beside ridges, edges and silhouettes. Some more iterations, each slower.
     max_iterations : int
-        Iterations of four sweeps at most.
+        Iterations of four sweeps at most; with a lamp beside the camera in each round.
     tolerance : float
         The run has converged when max |ΔZ| over an iteration is at most this; Z = ln z, so 1e-5 is a relative change of
         depth of 0.001 % somewhere. It bounds the last step, not the error. 0 iterates until nothing changes.
-    max_slope : float
-        Bound on |dZ/dx| and |dZ/dy| between neighbouring pixels, along which Z climbs; 30 is a surface seen at 2° from
-        grazing. It matters only where the equation itself sets none: see `Solution.clamped`.
+    max_slope : float, optional
+        Bound on |dZ/dx| and |dZ/dy| between neighbouring pixels, along which Z climbs. It matters where the equation
+        itself sets none, see `Solution.clamped`, and where the surface is steeper still. 30, a surface seen at 2° from
+        grazing, when not given; for the upwind scheme under a parallel light, which takes it at its word, 5 (11°).
     device : None, "cpu", "gpu", int, str or Device, optional
         See :func:`devices`. None honours PYOPENCL_CTX, and else takes the first.
     precision : {"float32", "float64"}
@@ -137,6 +153,7 @@ def reconstruct(
         mask=[mask],
         walls=[walls],
         known_depth=[known_depth],
+        albedo=[albedo],
         surface=surface,
         boundary=boundary,
         scheme=scheme,
@@ -161,6 +178,7 @@ def reconstruct_batch(
     mask: Sequence[ArrayLike | None] | None = None,
     walls: Sequence[ArrayLike | None] | None = None,
     known_depth: Sequence[ArrayLike | None] | None = None,
+    albedo: Sequence[ArrayLike | None] | None = None,
     surface: str = "away",
     boundary: str = "auto",
     scheme: str = "auto",
@@ -168,7 +186,7 @@ def reconstruct_batch(
     accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
-    max_slope: float = 30.0,
+    max_slope: float | None = None,
     device: int | str | Device | None = None,
     precision: str = "float32",
     callback: Callback | None = None,
@@ -185,7 +203,7 @@ def reconstruct_batch(
         As for :func:`reconstruct`; sizes may differ.
     cameras : Camera or iterable of Camera
         One for all, or one an image.
-    mask, walls, known_depth : sequence, optional
+    mask, walls, known_depth, albedo : sequence, optional
         One entry an image, None where it has none.
     callback : callable, optional
         Called as ``callback(iteration, change)`` with the largest change of the images that share launches and have
@@ -212,6 +230,7 @@ def reconstruct_batch(
     model = Model.of(light, reflectance)
     scheme = model.scheme(options.scheme)
     options = options.resolved(model, scheme)
+    slope = float(options.max_slope or _MAX_SLOPE)
     if callback is not None and not callable(callback):
         raise InputError(f"callback={callback!r} cannot be called: give a function of iteration and change.")
     given = _entries("images", images)
@@ -221,6 +240,7 @@ def reconstruct_batch(
         "mask": [None] * count if mask is None else _entries("mask", mask),
         "walls": [None] * count if walls is None else _entries("walls", walls),
         "known_depth": [None] * count if known_depth is None else _entries("known_depth", known_depth),
+        "albedo": [None] * count if albedo is None else _entries("albedo", albedo),
     }
     for name, entries in lists.items():
         if len(entries) != count:
@@ -237,9 +257,9 @@ def reconstruct_batch(
 
     def prepared(number: int) -> Problem:
         with naming(number):
-            image, camera, region, barriers, known = inputs[number]
+            image, camera, region, barriers, known, reflecting = inputs[number]
             return prepare(
-                image, camera, region, barriers, known, model, scheme, surface, options.boundary, max_slope
+                image, camera, region, barriers, known, model, scheme, surface, options.boundary, slope, reflecting
             )
 
     chosen = select_device(device)
@@ -254,30 +274,20 @@ def reconstruct_batch(
         for number in range(count):
             prepared(number)
     solutions: list[Solution | None] = [None] * count
-    stopped = False
+    watch = None if callback is None else _Watch(callback)
     for members in pieces:
         problems = [prepared(number) for number in members]
-        build_began = time.perf_counter()
-        sweeper = Sweeper(
-            chosen,
-            [problem.numbers for problem in problems],
-            model=model.kernels_with(scheme),
-            ordering=ordering,
-            precision=precision,
-            tolerance=tolerance,
-            linear=options.boundary == "extrapolate",
-        )
-        build_seconds = time.perf_counter() - build_began
-        watch = _stop_at_once if stopped else callback
-        changes, statuses = _iterate(sweeper, max_iterations, tolerance, watch)
-        stopped = stopped or Status.STOPPED in statuses
+        run = _Run.of(chosen, problems, options, _stop_at_once if watch and watch.stopped else watch)
+        rounds = None
+        if isinstance(light, FlashLight) and not light.coaxial:
+            problems, rounds = _take_lamp_to_camera(chosen, problems, run, options, watch)
         results = [
             problem.depth(values, converged=status is Status.CONVERGED)
-            for problem, values, status in zip(problems, sweeper.log_depth(), statuses, strict=True)
+            for problem, values, status in zip(problems, run.values, run.statuses, strict=True)
         ]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
-        elapsed = Elapsed(share * (time.perf_counter() - began), share * sweeper.kernel_seconds, share * build_seconds)
+        elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
         for place, number in enumerate(members):
             problem, (log_depth, depth) = problems[place], results[place]
             solutions[number] = Solution(
@@ -286,16 +296,21 @@ def reconstruct_batch(
                 solved=np.isfinite(depth),
                 unreached=(problem.domain.solved | problem.domain.unreached) & np.isnan(depth),
                 clamped=clamped[place] & np.isfinite(depth),
-                iterations=len(changes[place]),
-                changes=np.array(changes[place]),
-                status=statuses[place],
+                iterations=len(run.changes[place]),
+                changes=np.array(run.changes[place]),
+                status=run.statuses[place],
                 elapsed=elapsed,
                 device=chosen,
-                image=problem.image,
+                image=problem.photograph,
                 camera=problem.camera,
                 light=light,
                 reflectance=reflectance,
-                parameters={**options.report, "sweep": sweeper.tuning.variant},
+                parameters={
+                    **options.report,
+                    "sweep": run.variant,
+                    **({"lamp_rounds": rounds[place]} if rounds else {}),
+                },
+                albedo=problem.albedo,
             )
         began = time.perf_counter()
     finished = [solution for solution in solutions if solution is not None]
@@ -330,19 +345,20 @@ class Options:
     accuracy_order: int
     max_iterations: int
     tolerance: float
-    max_slope: float
+    max_slope: float | None
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
             if (value := getattr(self, name)) not in choices:
                 raise InputError(f"{name}={value!r} is not a choice: use one of {', '.join(choices)}.")
-        if self.accuracy_order != 1:
-            raise InputError(f"accuracy_order={self.accuracy_order!r}: the schemes are of order 1 only.")
+        if self.accuracy_order not in (1, 2) or isinstance(self.accuracy_order, bool):
+            raise InputError(f"accuracy_order={self.accuracy_order!r}: the schemes are of order 1 or 2.")
         count = self.max_iterations
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
             raise InputError(f"max_iterations={count!r}: give a whole number, at least 1.")
         _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
-        _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
+        if self.max_slope is not None:
+            _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
 
     def resolved(self, model: Model, scheme: str) -> Options:
         """The same with "auto" replaced, checked against the model.
@@ -361,14 +377,22 @@ class Options:
                 f"boundary={boundary!r} with scheme='upwind': by this scheme nothing flows in from outside anyway. Use "
                 "boundary='wall', or scheme='lax-friedrichs'."
             )
-        if flash and boundary == "extrapolate":
+        if model.falls_off and boundary == "extrapolate":
             raise InputError("boundary='extrapolate' under a flash has no level to start from: use boundary='wall'.")
         if model.falls_off and self.surface != "away":
             raise InputError(
                 f"surface={self.surface!r} under a flash with fall-off: the image alone tells which way the surface "
                 "goes. Leave the keyword out."
             )
-        return replace(self, boundary=boundary, scheme=scheme)
+        if scheme != "upwind" and self.accuracy_order == 2:
+            raise InputError(
+                f"accuracy_order=2 with scheme={scheme!r}: only the upwind scheme has a correction to second order. "
+                "Use scheme='upwind', or accuracy_order=1."
+            )
+        slope = self.max_slope
+        if slope is None:
+            slope = _MAX_SLOPE_UPWIND if scheme == "upwind" and not flash else _MAX_SLOPE
+        return replace(self, boundary=boundary, scheme=scheme, max_slope=slope)
 
     @property
     def report(self) -> dict[str, Any]:
@@ -377,7 +401,7 @@ class Options:
             "accuracy_order": int(self.accuracy_order),
             "max_iterations": int(self.max_iterations),
             "tolerance": float(self.tolerance),
-            "max_slope": float(self.max_slope),
+            "max_slope": self.max_slope,
         }
         return {name: getattr(self, name) for name in _CHOICES} | numbers
 
@@ -397,14 +421,160 @@ def _pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) -
             yield numbers[begin : begin + most]
 
 
+@dataclass
+class _Run:
+    """What the iteration of some images that share launches came to, one entry an image."""
+
+    values: list[NDArray[np.floating]]
+    changes: list[list[float]]
+    statuses: list[Status]
+    variant: str
+    build_seconds: float = 0.0
+    kernel_seconds: float = 0.0
+
+    @classmethod
+    def of(cls, device: Device, problems: Sequence[Problem], options: Options, callback: Callback | None) -> _Run:
+        """Iterate to convergence at first order, and from there at second order if that is wanted."""
+        grids = [problem.numbers for problem in problems]
+        run = cls([], [[] for _ in grids], [Status.CONVERGED] * len(grids), "")
+        run.values = [grid.log_depth for grid in grids]
+        kernels = problems[0].model.kernels_with(problems[0].scheme)
+        run._advance(device, grids, kernels, options, callback)
+        if options.accuracy_order == 2:
+            corrected = [place for place, status in enumerate(run.statuses) if status is Status.CONVERGED]
+            for only_lower in (False, True):
+                run._advance(device, grids, kernels, options, callback, corrected, only_lower=only_lower)
+                corrected = [place for place in corrected if run.statuses[place] is Status.MAX_ITERATIONS]
+        return run
+
+    def _advance(
+        self,
+        device: Device,
+        grids: Sequence[Grid],
+        kernels: Sequence[str],
+        options: Options,
+        callback: Callback | None,
+        corrected: Sequence[int] | None = None,
+        *,
+        only_lower: bool = False,
+    ) -> None:
+        """Iterate from where the images are: all at first order, or some that are `corrected` to second order."""
+        places = range(len(grids)) if corrected is None else corrected
+        done = max(map(len, self.changes))
+        most = options.max_iterations
+        if corrected is not None and not only_lower:
+            # Where the surface is smooth this is ample; what still changes is decided one way or the other.
+            most = min(most, done + _FREE_CORRECTIONS)
+        if not places or done >= most:
+            for place in places:
+                self.statuses[place] = Status.MAX_ITERATIONS
+            return
+        began = time.perf_counter()
+        sweeper = Sweeper(
+            device,
+            [replace(grids[place], log_depth=self.values[place]) for place in places],
+            model=kernels,
+            ordering=options.ordering,
+            precision=options.precision,
+            tolerance=options.tolerance,
+            linear=options.boundary == "extrapolate",
+            second_order=corrected is not None,
+            only_lower=only_lower,
+        )
+        self.build_seconds += time.perf_counter() - began
+        self.variant = sweeper.tuning.variant
+        changes, statuses = _iterate(sweeper, most, options.tolerance, callback, done)
+        self.kernel_seconds += sweeper.kernel_seconds
+        values = sweeper.log_depth()
+        for number, place in enumerate(places):
+            self.values[place] = values[number]
+            self.changes[place] += changes[number]
+            self.statuses[place] = statuses[number]
+
+
+def _take_lamp_to_camera(
+    device: Device, problems: Sequence[Problem], run: _Run, options: Options, watch: _Watch | None
+) -> tuple[list[Problem], list[int]]:
+    """Correct the photographs by the surfaces that a run found with the lamp at the camera, and solve again.
+
+    That is repeated until it changes little. `run` gets the values and statuses of an image's last round, and the
+    changes of all rounds.
+
+    Returns
+    -------
+    problems : list of Problem
+        Of the last rounds.
+    rounds : list of int
+        Runs of each image, the first included.
+    """
+    current, rounds = list(problems), [1] * len(problems)
+    active = list(range(len(problems)))
+    surfaces = {}
+    for place in active:
+        surfaces[place] = current[place].depth(run.values[place], converged=True)
+    while active:
+        if watch and watch.stopped:
+            for place in active:
+                run.statuses[place] = Status.STOPPED
+            break
+        dim = {}
+        for place in active:
+            current[place], dim[place] = lamp.at_camera(problems[place], surfaces[place][1])
+        if watch:
+            watch.before = max(len(run.changes[place]) for place in active)
+        again = _Run.of(device, [current[place] for place in active], options, watch)
+        run.kernel_seconds += again.kernel_seconds
+        run.build_seconds += again.build_seconds
+        going = []
+        for number, place in enumerate(active):
+            rounds[place] += 1
+            run.values[place], run.statuses[place] = again.values[number], again.statuses[number]
+            run.changes[place] += again.changes[number]
+            surface = current[place].depth(again.values[number], converged=True)
+            change = float(np.nanmean(np.abs(surface[0] - surfaces[place][0])))
+            surfaces[place] = surface
+            if change > lamp.SETTLED and rounds[place] < lamp.ROUNDS:
+                going.append(place)
+                continue
+            if change > lamp.LOST:
+                warnings.warn(
+                    f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
+                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it.",
+                    stacklevel=4,
+                )
+            if shaded := int(dim[place].sum()):
+                warnings.warn(
+                    f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.",
+                    stacklevel=4,
+                )
+        active = going
+    if watch:
+        watch.before = 0
+    return current, rounds
+
+
+@dataclass
+class _Watch:
+    """The user's callback, who may have asked to stop in the iteration that was the last anyway."""
+
+    callback: Callback
+    before: int = 0
+    stopped: bool = False
+
+    def __call__(self, iteration: int, change: float) -> bool:
+        """Count on from the iterations of runs before."""
+        self.stopped = bool(self.callback(self.before + iteration, change))
+        return self.stopped
+
+
 def _iterate(
-    sweeper: Sweeper, max_iterations: int, tolerance: float, callback: Callback | None
+    sweeper: Sweeper, max_iterations: int, tolerance: float, callback: Callback | None, done: int
 ) -> tuple[list[list[float]], list[Status]]:
-    """Iterate until every image has converged, and record each one's changes."""
+    """Iterate until every image has converged, and record each one's changes; `done` iterations count already."""
     changes: list[list[float]] = [[] for _ in range(sweeper.count)]
     statuses = [Status.MAX_ITERATIONS] * sweeper.count
     active = set(range(sweeper.count))
-    iteration, queued = 0, 1 if callback else sweeper.queued_at_least
+    iteration, queued = done, 1 if callback else sweeper.queued_at_least
     while active and iteration < max_iterations:
         began = time.perf_counter()
         rows = sweeper.run(min(queued, max_iterations - iteration))

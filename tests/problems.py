@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from persfs_cl import Camera, Device, Lambertian, ParallelLight
+from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, ParallelLight, Phong
 from persfs_cl._cl.launches import Sweeper, Tuning
+from persfs_cl.light import Light
 from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 from persfs_cl.reference import Reference
+from persfs_cl.reflectance import Reflectance
+
+OBLIQUE = ParallelLight(0.3, -0.2)
+FLASH = FlashLight(gain=2.0)
+
+LAX_FRIEDRICHS: dict[str, dict[str, Any]] = {
+    "frontal away": {},
+    "frontal toward": {"surface": "toward"},
+    "oblique away": {"light": OBLIQUE},
+    "oblique toward": {"light": OBLIQUE, "surface": "toward"},
+    "flash on a rough surface": {"light": FLASH, "reflectance": OrenNayar(0.9)},
+    "flash on a shiny surface": {"light": FLASH, "reflectance": Phong()},
+}
+UPWIND: dict[str, dict[str, Any]] = {
+    **{f"upwind {name}": {**LAX_FRIEDRICHS[name], "scheme": "upwind"} for name in list(LAX_FRIEDRICHS)[:4]},
+    "upwind flash": {"light": FLASH, "scheme": "upwind"},
+    "upwind flash on a rough surface": {"light": FLASH, "reflectance": OrenNayar(0.4), "scheme": "upwind"},
+    "upwind flash on a shiny surface": {"light": FLASH, "reflectance": Phong(), "scheme": "upwind"},
+}
+"""Keywords of :func:`random_problem`, each for kernels of its own."""
 
 
 def random_problem(
@@ -17,7 +40,8 @@ def random_problem(
     *,
     surface: str = "away",
     boundary: str = "outflow",
-    light: ParallelLight = ParallelLight(),
+    light: Light = ParallelLight(),
+    reflectance: Reflectance = Lambertian(),
     holes: float = 0.1,
     scheme: str = "lax-friedrichs",
 ) -> Problem:
@@ -33,7 +57,7 @@ def random_problem(
         known[:] = np.nan
         known[row, column] = 1.0
     camera = Camera(focal_length=(1.1 * max(shape) + 3, 0.9 * max(shape) + 3))
-    model = Model.of(light, Lambertian())
+    model = Model.of(light, reflectance)
     inside = mask | (np.arange(shape[1]) < 2)
     return prepare(image, camera, inside, None, known, model, scheme, surface, boundary, 30.0)
 
@@ -68,11 +92,13 @@ def reference(problem: Problem, *, linear: bool = False) -> Reference:
     """The problem in NumPy."""
     return Reference(
         log_depth=problem.start.copy(),
-        brightness=problem.image,
+        brightness=problem.shading,
         flags=problem.domain.flags,
         boundary=problem.domain.boundary,
         grid=problem.grid,
         light=problem.model.light,
+        reflectance=problem.model.reflectance,
+        scheme=problem.scheme,
         sign=problem.sign,
         max_slope=problem.max_slope,
         linear=linear,

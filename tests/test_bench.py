@@ -25,6 +25,7 @@ from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.bench.subjects import Subject
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
+from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 
 
@@ -114,7 +115,8 @@ def framed_problem(seed: int, shape: tuple[int, int], surface: str) -> Problem:
     known[[0, -1]] = known[:, [0, -1]] = 1.0
     known[1, 1] = np.nan
     image, camera, light = random.uniform(0.2, 1.0, shape), ps.Camera(shape[1] + 7.0), ps.ParallelLight(0.3, -0.2)
-    return prepare(image, camera, None, None, known, light, surface, "fixed", 30.0)
+    model = Model.of(light, ps.Lambertian())
+    return prepare(image, camera, None, None, known, model, "lax-friedrichs", surface, "fixed", 30.0)
 
 
 @pytest.mark.parametrize("make", [peers.plain_c, peers.numba_loop])

@@ -32,6 +32,8 @@ from persfs_cl.cli import app
 from persfs_cl.cli.progress import remaining_iterations, stop_on_interrupt, writing
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.images import read_depth, read_photo, write_depth, write_grey
+from persfs_cl.photograph import Preparation, cos4_vignetting, prepare_photo
+from persfs_cl.sparse import compare_points
 
 FILES = {
     "depth.npy",
@@ -42,6 +44,7 @@ FILES = {
     "mesh.ply",
     "rendered.png",
     "comparison.png",
+    "confidence.png",
     "convergence.png",
     "report.json",
 }
@@ -89,7 +92,7 @@ def photo(tmp_path: Path) -> Path:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the pictures, which take far longer than the rest."""
-    monkeypatch.setattr(ps.Solution, "_draw", lambda _self, _folder: [])
+    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
 
 
 def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
@@ -119,13 +122,26 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "mask": None,
         "walls": None,
         "known_depth": None,
+        "albedo": None,
         "channel": "luminance",
         "encoding": "srgb",
         "bits": 16,
+        "ambient": 0,
+        "below_ambient_pixels": 0,
+        "vignetting": "none",
+        "saturation": 0.98 * 65535,
+        "saturated_pixels": np.count_nonzero(SCENE.image >= grey.decode_srgb(0.98)),
+        "highlights": "keep",
+        "specular_pixels": None,
+        "masked_pixels": 0,
+        "filled_pixels": 0,
         "clip_highlights": None,
         "clipped_pixels": 0,
         "mean_filter": 1,
         "normalise": "linear",
+        "white_percentile": 99.5,
+        "black": 0,
+        "white": grey.brightest_diffuse(read_photo(photo).image),
         "white_pixels": np.count_nonzero(image == 1),
     }
 
@@ -162,6 +178,46 @@ def test_every_option_reaches_the_solver(photo: Path, tmp_path: Path) -> None:
     depth = np.load(tmp_path / "out" / "depth.npy")
     given = np.isfinite(SCENE.known_depth)
     np.testing.assert_array_equal(depth[given], SCENE.known_depth[given])
+
+
+FLASH = ("--light", "flash", "--gain", "0.8", "--scheme", "upwind", "--accuracy-order", "2", "--max-slope", "9")
+ROUGH = ("--reflectance", "oren-nayar", "--roughness", "0.25")
+
+
+@pytest.mark.usefixtures("quick")
+def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
+    light, reflectance = ps.FlashLight(gain=0.8), ps.OrenNayar(0.25)
+    camera = ps.Camera(WIDTH)
+    albedo = np.where(np.arange(WIDTH) < 12, 0.5, 1.0) * np.ones((HEIGHT, 1))
+    image = ps.render(SCENE.depth, camera, light=light, reflectance=reflectance, albedo=albedo)
+    tifffile.imwrite(tmp_path / "photo.tif", image)
+    np.save(tmp_path / "albedo.npy", albedo)
+    files = ("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, "--albedo", tmp_path / "albedo.npy")
+    assert run(*files, *FLASH, *ROUGH).status == 0
+    report = strict(tmp_path / "out" / "report.json")
+    given = {"kind": "FlashLight", "falloff": True, "gain": 0.8, "offset": [0, 0, 0]}
+    assert report["parameters"]["light"] == given
+    assert report["parameters"]["reflectance"] == {"kind": "OrenNayar", "roughness": 0.25}
+    wanted = {"scheme": "upwind", "accuracy_order": 2, "max_slope": 9}
+    assert wanted.items() <= report["parameters"].items()
+    assert (report["known"], report["photo"]["normalise"]) == ({"pixels": 0, "assumed": None}, "none")
+    assert report["photo"]["albedo"] == str(tmp_path / "albedo.npy")
+    depth = np.load(tmp_path / "out" / "depth.npy")
+    assert ps.compare(depth, SCENE.depth).mean < 0.05 * np.ptp(SCENE.depth), "depth in its unit, with nothing known"
+
+
+@pytest.mark.parametrize("white", [None, 2.0])
+def test_render_with_a_flash(white: float | None, tmp_path: Path) -> None:
+    write_depth(tmp_path / "depth.npy", 0.5 * SCENE.depth)
+    options = ("--light=flash", "--gain=2", "--reflectance=phong", "--specular=0.2", "--bits=16", "--encoding=linear")
+    limit = () if white is None else (f"--white={white}",)
+    outcome = run("render", tmp_path / "depth.npy", "-o", tmp_path / "a.png", *FOCAL, *options, *limit)
+    light, reflectance = ps.FlashLight(gain=2.0), ps.Phong(specular=0.2)
+    expected = ps.render(0.5 * SCENE.depth, ps.Camera(WIDTH), light=light, reflectance=reflectance)
+    brightest = white or expected.max()
+    assert (outcome.status, outcome.stderr) == (0, f"White is a brightness of {brightest:g}.")
+    written = read_photo(tmp_path / "a.png", encoding="linear").image
+    np.testing.assert_allclose(written, (expected / brightest).clip(0, 1), atol=1e-5)
 
 
 def test_choices_and_defaults_are_those_of_the_library() -> None:
@@ -345,7 +401,27 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "slope of 0": (("--max-slope=0",), 2, ("--max-slope", "above 0")),
     "unknown surface": (("--surface=up",), 2, ("--surface", "up", "away", "toward")),
     "unknown boundary": (("--boundary=open",), 2, ("open", "outflow", "extrapolate", "fixed", "wall")),
-    "unknown light": (("--light=candle",), 2, ("candle", "parallel")),
+    "unknown light": (("--light=candle",), 2, ("candle", "parallel", "flash")),
+    "gain of a parallel light": (("--gain=2",), 2, ("--gain", "goes with --light flash, not parallel")),
+    "fall-off of a parallel light": (("--no-falloff",), 2, ("--no-falloff", "goes with --light flash")),
+    "lamp of a parallel light": (("--lamp=0,0,0",), 2, ("--lamp", "goes with --light flash")),
+    "slope of a flash": (("--light=flash", "--p0=0"), 2, ("--p0", "goes with --light parallel, not flash")),
+    "gain of 0": (("--light=flash", "--gain=0"), 2, ("--gain", "above 0")),
+    "flat lamp": (("--light=flash", "--lamp=1,2"), 2, ("--lamp", "1,2", "three numbers")),
+    "flash with a side": (("--light=flash", "--surface=toward"), 2, ("surface='toward'", "the image alone tells")),
+    "normalised flash": (("--light=flash", "--normalise=grey"), 2, ("--normalise", "leave it out")),
+    "white flash": (("--light=flash", "--white-percentile=99"), 2, ("--white-percentile", "leave it out")),
+    "flash without size": (("--light=flash", "--no-falloff"), 1, ("photo.png", "known_depth")),
+    "unknown material": (("--reflectance=velvet",), 2, ("velvet", "lambertian", "oren-nayar", "phong")),
+    "roughness of phong": (("--reflectance=phong", "--roughness=1"), 2, ("--roughness", "oren-nayar, not phong")),
+    "highlight of a matt surface": (("--shininess=5",), 2, ("--shininess", "phong, not lambertian")),
+    "how rough": (("--reflectance=oren-nayar",), 2, ("--roughness", "needs it")),
+    "too rough": (("--reflectance=oren-nayar", "--roughness=2"), 2, ("roughness=2", "π/2")),
+    "albedo of another size": (("--albedo=small.png",), 1, ("small.png", "(5, 6)")),
+    "black paint": (("--albedo=black.png",), 1, ("photo.png", "albedo")),
+    "third order": (("--accuracy-order=3",), 2, ("--accuracy-order",)),
+    "second order of the paper's scheme": (("--accuracy-order=2",), 2, ("accuracy_order=2", "scheme='upwind'")),
+    "unknown scheme": (("--scheme=best",), 2, ("best", "auto", "lax-friedrichs", "upwind")),
     "unknown option": (("--focus=3",), 2, ("--focus",)),
 }
 
@@ -659,6 +735,9 @@ def test_compare_refuses(photo: Path, tmp_path: Path) -> None:
     np.save(one, np.ones((3, 4)))
     np.save(other, np.ones((4, 3)))
     np.save(nan, np.full((3, 4), np.nan))
+    points, bad = tmp_path / "points.csv", tmp_path / "bad.json"
+    points.write_text("1,2,3\n")
+    bad.write_text('[{"x": 1}]')
     cases: list[tuple[Sequence[str | Path], int, Sequence[str]]] = [
         ((one, other), 1, (str(one), str(other), "(3, 4)", "(4, 3)")),
         ((one, nan), 1, (str(one), str(nan), "can be compared")),
@@ -666,6 +745,13 @@ def test_compare_refuses(photo: Path, tmp_path: Path) -> None:
         ((one, photo), 1, (str(one),)),
         ((one, one, "--mask", photo), 1, (str(photo), "(3, 4)")),
         ((one, tmp_path / "missing.npy"), 1, ("missing.npy",)),
+        ((one, points, "--align=range"), 2, ("none or scale",)),
+        ((one, points, "--photo", photo), 1, (str(photo), "(3, 4)")),
+        ((one, points, "--mask", photo), 1, (str(photo), "(3, 4)")),
+        ((nan, points), 1, (str(points), "no depth at any")),
+        ((one, bad), 1, (str(bad), "column, row and depth")),
+        ((one, tmp_path / "missing.csv"), 1, ("missing.csv",)),
+        ((one, one, "--photo", photo), 2, ("--photo", "points")),
         ((one, one, "--align=best"), 2, ("none", "scale", "range")),
         ((one,), 2, ("B",)),
     ]
@@ -674,6 +760,49 @@ def test_compare_refuses(photo: Path, tmp_path: Path) -> None:
         assert (outcome.status, outcome.stdout) == (status, "")
         for message in messages:
             assert message in outcome.stderr
+
+
+@pytest.mark.parametrize("form", ["names.csv", "numbers.csv", "list.json", "object.json"])
+def test_compare_with_points(form: str, tmp_path: Path) -> None:
+    estimate = np.full((6, 8), np.nan)
+    estimate[1, 1:5] = 1.0, 2.0, 3.0, 6.0
+    write_depth(tmp_path / "depth.npy", estimate)
+    # By the scale 2, the median, two are right, one is 1/3 too high, and one a third too low; two have no estimate.
+    truth = [(1.2, 0.8, 2.0), (2.0, 1.0, 4.0), (2.6, 1.0, 4.5), (4.0, 1.4, 18.0), (0.0, 0.0, 7.0), (99.0, 1.0, 7.0)]
+    named = [dict(zip(("column", "row", "depth"), point, strict=True)) for point in truth]
+    lines = [",".join(map(str, point)) for point in truth]
+    texts = {
+        "names.csv": "\n".join(["id,row,depth,column", *(f"a,{y},{z},{x}" for x, y, z in truth)]),
+        "numbers.csv": "\n".join(lines),
+        "list.json": json.dumps(named),
+        "object.json": json.dumps({"points": named}),
+    }
+    (tmp_path / form).write_text(texts[form])
+    photo = np.full((6, 8), 0.5)
+    photo[1, 1:5] = 1.0, 0.25, 1 / 9, 0.0
+    tifffile.imwrite(tmp_path / "photo.tif", photo)
+    files = ("compare", tmp_path / "depth.npy", tmp_path / form)
+    options = ("--align=scale", "--photo", tmp_path / "photo.tif")
+    rows = json.loads(run(*files, *options, "--json").stdout)
+    third = 1 / 3
+    expected = {"mean_relative": (third + third) / 4, "rank_correlation": 1.0, "count": 4, "scale": 2.0}
+    assert rows["depth"] == pytest.approx(expected)
+    constant = np.mean([abs(4.25 / z - 1) for z in (2, 4, 4.5, 18)])
+    assert rows["constant"] == {**rows["constant"], "mean_relative": pytest.approx(constant), "rank_correlation": None}
+    # The black point is left out; 1, 2 and 3 by the scale 2.
+    assert rows["1/sqrt(I)"] == pytest.approx({**expected, "mean_relative": third / 3, "count": 3})
+
+    table = run(*files, *options).stdout.splitlines()
+    assert table[1].split() == ["depth", f"{(third + third) / 4:.4f}", "1.0000", "4", "2"]
+    unscaled = json.loads(run(*files, "--json").stdout)["depth"]
+    assert unscaled == pytest.approx({**expected, "mean_relative": np.mean([0.5, 0.5, third, 2 * third]), "scale": 1.0})
+
+
+def test_rank_correlation_with_ties() -> None:
+    first, second = np.array([1.0, 2.0, 2.0, 5.0, 4.0]), np.array([3.0, 1.0, 1.0, 9.0, 9.0])
+    ranks = np.array([1.0, 2.5, 2.5, 5.0, 4.0]), np.array([3.0, 1.5, 1.5, 4.5, 4.5])
+    assert compare_points(first, second).rank_correlation == pytest.approx(np.corrcoef(*ranks)[0, 1])
+    assert compare_points(-1 / first + 2, second).rank_correlation == compare_points(first, second).rank_correlation
 
 
 def test_devices_lists_every_device() -> None:
@@ -731,7 +860,7 @@ def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch
     for named in ("vase/relief.png", "coin/relief.png", "coin/comparison.png", "coin/mesh.ply"):
         assert str(Path("demo-output") / named) in outcome.stdout
 
-    monkeypatch.setattr(ps.Solution, "_draw", lambda _self, _folder: [])
+    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
     assert run("demo").status == 0
 
 
@@ -772,3 +901,103 @@ def test_module_as_a_command(tmp_path: Path) -> None:
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
     assert "missing.png does not exist" in done.stderr
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("files", ["arrays", "pictures"])
+def test_ambient_light_and_vignetting_are_undone(files: str, tmp_path: Path) -> None:
+    camera = ps.Camera(WIDTH)
+    lens, ambient = cos4_vignetting(camera, (HEIGHT, WIDTH)), np.full((HEIGHT, WIDTH), 0.125)
+    ambient[3:9, 4:11] = 0.25
+    tifffile.imwrite(tmp_path / "photo.tif", 0.5 * SCENE.image * lens + ambient)
+    for name, light in (("lens", 0.75 * lens), ("dark", ambient)):
+        if files == "arrays":
+            np.save(tmp_path / f"{name}.npy", light)
+        else:
+            tifffile.imwrite(tmp_path / f"{name}.tif", light)
+    suffix = "npy" if files == "arrays" else "tif"
+    dark, plate = tmp_path / f"dark.{suffix}", tmp_path / f"lens.{suffix}"
+    expected = ps.reconstruct(grey.normalise_linear(SCENE.image), camera)
+    for law in (plate, "cos4"):
+        options = ("--ambient", dark, "--vignetting", law, "--overwrite")
+        assert run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *options).status == 0
+        np.testing.assert_allclose(np.load(tmp_path / "out" / "depth.npy"), expected.depth, rtol=1e-5)
+        report = strict(tmp_path / "out" / "report.json")
+        assert (report["photo"]["ambient"], report["photo"]["vignetting"]) == (str(dark), str(law))
+        assert "less ambient light and vignetting" in report["grey_levels_photo"]["compared_with"]
+        assert report["grey_levels_photo"]["mean_error"] == pytest.approx(report["grey_levels"]["mean_error"], 1e-3)
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("highlights", ["mask", "fill"])
+def test_highlights_are_left_out_or_filled(highlights: str, tmp_path: Path) -> None:
+    levels = np.rint(200 * SCENE.image).astype(np.uint8)
+    levels[8, 12], levels[0, 20] = 255, 255
+    Image.fromarray(levels).save(tmp_path / "photo.png")
+    options = ("--encoding=linear", "--ambient=10", "--white-percentile=98", "--saturation=254")
+    files = ("reconstruct", tmp_path / "photo.png", "-o", tmp_path / "out", *FOCAL)
+    assert run(*files, *options, "--highlights", highlights).status == 0
+    gone = np.zeros((HEIGHT, WIDTH), bool)
+    gone[6:11, 10:15] = gone[:3, 18:23] = True
+    said = strict(tmp_path / "out" / "report.json")["photo"]
+    counts = {"mask": (gone.sum(), 0), "fill": (0, gone.sum())}[highlights]
+    doubtful = strict(tmp_path / "out" / "report.json")["confidence"]["doubtful_pixels"]
+    assert (doubtful["highlight, left out"], doubtful["highlight, filled"]) == counts
+    assert (doubtful["saturated"], doubtful["any"]) == (2, gone.sum() + doubtful["darker than the ambient light"])
+    assert (said["masked_pixels"], said["filled_pixels"]) == counts
+    assert (said["highlights"], said["saturated_pixels"], said["saturation"]) == (highlights, 2, 254)
+    assert (said["ambient"], said["white_percentile"]) == (10, 98)
+
+    photo = read_photo(tmp_path / "photo.png", encoding="linear")
+    chosen: Any = highlights
+    prepared = prepare_photo(photo, ps.Camera(WIDTH), Preparation(ambient=10, saturation=254, highlights=chosen))
+    image = prepared.normalised(percentile=98)
+    assert said["white"] == image.report["white"]
+    # The edge of a hole is no edge of the image: only the latter has depth 1.
+    frame = np.full((HEIGHT, WIDTH), 1.0)
+    frame[1:-1, 1:-1] = np.nan
+    expected = ps.reconstruct(image.image, ps.Camera(WIDTH), mask=prepared.mask, known_depth=frame)
+    depth = np.load(tmp_path / "out" / "depth.npy")
+    np.testing.assert_array_equal(depth, expected.depth)
+    np.testing.assert_array_equal(np.isnan(depth), prepared.masked & np.isnan(frame))
+    if highlights == "mask":
+        assert np.nanmin(depth[5:12, 9:16]) > 1
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "messages"),
+    [
+        (("--ambient=-1",), 2, ("--ambient", "-1 is no brightness")),
+        (("--ambient=nan",), 2, ("--ambient", "nan is no brightness")),
+        (("--ambient=none.png",), 1, ("none.png", "does not exist")),
+        (("--ambient=small.png",), 1, ("small.png", "(5, 6)")),
+        (("--ambient=70000",), 1, ("photo.png", "ambient=70000 is more than 65535")),
+        (("--ambient=65535",), 1, ("photo.png", "No pixel is brighter than the ambient light")),
+        (("--vignetting=cos5",), 1, ("cos5", "does not exist")),
+        (("--vignetting=small.png",), 1, ("small.png", "(5, 6)")),
+        (("--vignetting=black.png",), 1, ("photo.png", "vignetting is 0 or so at 720 pixels")),
+        (("--highlights=remove",), 2, ("--highlights", "keep", "mask", "fill")),
+        (("--highlights=mask", "--saturation=1"), 1, ("photo.png", "720 pixels are highlights")),
+        (("--saturation=0",), 2, ("--saturation", "above 0")),
+        (("--white-percentile=101",), 2, ("--white-percentile", "percentile")),
+        (("--white-percentile=90", "--normalise=none"), 2, ("--white-percentile", "nothing is normalised")),
+        (("--channel=max", "--ambient=photo.png"), 1, ("photo.png", "another channel")),
+    ],
+)
+def test_bad_option_of_the_preparation(
+    options: tuple[str, ...],
+    status: int,
+    messages: tuple[str, ...],
+    photo: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    png(Path("small.png"), np.ones((5, 6)))
+    png(Path("black.png"), np.zeros((HEIGHT, WIDTH)))
+    before = names(tmp_path)
+    outcome = run("reconstruct", photo.name, "-o", "out", *FOCAL, *options)
+    assert (outcome.status, outcome.stdout) == (status, "")
+    for message in messages:
+        assert message in outcome.stderr
+    assert names(tmp_path) == before

@@ -8,33 +8,61 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
-from persfs_cl.reference import reflectance_map
+from persfs_cl.light import Light
+from persfs_cl.reference import brightness
+from persfs_cl.reflectance import Reflectance
 from persfs_cl.surface import log_depth_gradient
 
 OBLIQUE = ps.ParallelLight(0.2, -0.1)
+FLASH = ps.FlashLight(gain=3.0)
+
+each_model = pytest.mark.parametrize(
+    ("light", "reflectance"),
+    [
+        (ps.ParallelLight(), ps.Lambertian()),
+        (OBLIQUE, ps.Lambertian()),
+        *[(FLASH, material) for material in (ps.Lambertian(), ps.OrenNayar(0.4), ps.OrenNayar(0.9), ps.Phong())],
+    ],
+    ids=[
+        "frontal",
+        "oblique",
+        "flash",
+        "flash on a rough surface",
+        "flash on a very rough one",
+        "flash on a shiny one",
+    ],
+)
 
 
-@pytest.mark.parametrize("light", [ps.ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
-def test_kernel_equals_the_formula(device: ps.Device, precision: str, light: ps.ParallelLight) -> None:
-    scene = ps.bumps(shape=(37, 53), light=light)
+@each_model
+def test_kernel_equals_the_formula(device: ps.Device, precision: str, light: Light, reflectance: Reflectance) -> None:
+    scene = ps.bumps(shape=(37, 53))
     depth = 7.0 * scene.depth
     depth[5:9, 11:20] = np.nan
     depth[20, :] = np.nan
     p, q = log_depth_gradient(depth, scene.camera)
     grid = scene.camera.grid((37, 53))
-    expected = np.where(np.isfinite(depth), reflectance_map(p, q, grid.x, grid.y, light), np.nan)
-    image = ps.render(depth, scene.camera, light=light, device=device, precision=precision)
-    np.testing.assert_allclose(image, expected, atol=5e-5 if precision == "float32" else 1e-12)
+    expected = brightness(np.log(depth), p, q, grid.x, grid.y, light, reflectance)
+    assert np.isnan(expected).sum() == np.isnan(depth).sum()
+    image = ps.render(depth, scene.camera, light=light, reflectance=reflectance, device=device, precision=precision)
+    largest = np.nanmax(expected)
+    np.testing.assert_allclose(image, expected, atol=largest * (1e-4 if precision == "float32" else 1e-12))
 
 
-@pytest.mark.parametrize("light", [ps.ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
-def test_rendering_approaches_the_analytic_image_to_second_order(light: ps.ParallelLight) -> None:
+@each_model
+def test_rendering_approaches_the_analytic_image_to_second_order(light: Light, reflectance: Reflectance) -> None:
     errors = []
     for size in (40, 80):
-        scene = ps.bump(shape=(size, size), light=light)
-        image = ps.render(scene.depth, scene.camera, light=light, precision="float64")
+        scene = ps.hillside(shape=(size, size), light=light, reflectance=reflectance)
+        image = ps.render(scene.depth, scene.camera, light=light, reflectance=reflectance, precision="float64")
         errors.append(float(np.abs(image - scene.image)[1:-1, 1:-1].max()))
     assert errors[1] < 0.3 * errors[0]
+
+
+def test_twice_the_distance_has_a_quarter_of_the_light() -> None:
+    scene = ps.hillside(shape=(20, 30))
+    near, far = (ps.render(scale * scene.depth, scene.camera, light=FLASH) for scale in (1.0, 2.0))
+    np.testing.assert_allclose(near, 4.0 * far, rtol=1e-5)
 
 
 def test_a_plane_facing_the_camera_is_fully_lit() -> None:

@@ -17,10 +17,12 @@ from persfs_cl.grey import (
     brightest_diffuse,
     clip_highlights,
     decode_srgb,
+    divide_vignetting,
     encode_srgb,
     mean_filter,
     normalise_grey,
     normalise_linear,
+    subtract_ambient,
 )
 
 Array = NDArray[np.float64]
@@ -29,6 +31,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "normalise_grey": normalise_grey,
     "normalise_linear": lambda image, mask=None: normalise_linear(image, mask=mask),
     "clip_highlights": lambda image, mask=None: clip_highlights(image, mask=mask)[0],
+    "subtract_ambient": lambda image, mask=None: subtract_ambient(image, 0.25, mask=mask)[0],
+    "divide_vignetting": lambda image, mask=None: divide_vignetting(image, np.full(np.shape(image), 0.25), mask=mask),
 }
 every_function = pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 
@@ -106,6 +110,74 @@ def test_normalise_grey_of_a_constant_image_is_refused() -> None:
         normalise_grey(np.zeros((3, 3)))
     with pytest.raises(InputError, match="Every pixel of the image is 2:"):
         normalise_grey([[1, 2, 2]], mask=[[False, True, True]])
+
+
+def test_normalise_grey_is_not_moved_by_a_few_hot_pixels() -> None:
+    image = np.arange(1001.0).reshape(7, 143)
+    hot = image.copy()
+    hot[-1, -1] = 1e6
+    # 999 is the 99.9th percentile of 1001 values; what lies above it becomes 1.
+    np.testing.assert_allclose(normalise_grey(hot, percentile=99.9), np.minimum(image / 999, 1), rtol=1e-9)
+    assert np.count_nonzero(normalise_grey(hot) > 0.01) == 1
+    with pytest.raises(InputError, match=r"90 % of the image is 3: there is no shading"):
+        normalise_grey([[3.0] * 99 + [4.0]], percentile=90)
+    with pytest.raises(InputError, match="percentile=0"):
+        normalise_grey(image, percentile=0)
+
+
+@pytest.mark.parametrize("ambient", [0.25, "map"])
+def test_ambient_light_is_subtracted_exactly_and_what_is_darker_is_black(ambient: Any) -> None:
+    lit = np.array([[0.5, 0.0, 0.125], [1.0, 2.0, 0.0625]])
+    dark = np.full(lit.shape, 0.25) if ambient == 0.25 else np.array([[0.5, 0.0, 0.25], [0.75, 0.125, 0.0]])
+    light, below = subtract_ambient(lit + dark, dark if ambient == "map" else ambient)
+    np.testing.assert_array_equal(light, lit)
+    assert not below.any()
+    light, below = subtract_ambient([[0.0, 0.25, 0.5, 0.125]], 0.25)
+    np.testing.assert_array_equal(light, [[0.0, 0.0, 0.25, 0.0]])
+    np.testing.assert_array_equal(below, [[True, False, False, True]])
+
+
+def test_a_rounding_error_is_not_below_the_ambient_light() -> None:
+    light, below = subtract_ambient([[np.nextafter(0.1, 0), 0.1 - 1e-9]], 0.1)
+    np.testing.assert_array_equal(light, [[0.0, 0.0]])
+    np.testing.assert_array_equal(below, [[False, True]])
+
+
+def test_vignetting_is_divided_out() -> None:
+    surface = 0.1 + random_image((6, 5))
+    lens = 0.2 + random_image((6, 5), 1)
+    np.testing.assert_allclose(divide_vignetting(surface * lens, lens), surface, rtol=1e-15)
+
+
+def test_ambient_light_and_vignetting_outside_the_mask_do_not_matter() -> None:
+    image, mask = random_image((4, 3)), np.ones((4, 3), bool)
+    for nothing in (np.nan, np.inf, -1.0, 0.0):
+        beside = np.full((4, 3), 0.125)
+        mask[1, 2], beside[1, 2] = False, nothing
+        light, _ = subtract_ambient(image, beside, mask=mask)
+        np.testing.assert_array_equal(light[mask], np.maximum(image - 0.125, 0)[mask])
+        flat = divide_vignetting(image, beside, mask=mask)
+        np.testing.assert_array_equal(flat[mask], 8 * image[mask])
+        assert light[1, 2] == flat[1, 2] == image[1, 2]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (np.ones((4, 5)), r"is float64 of shape \(4, 5\): give an array of numbers of the image's shape, \(4, 4\)"),
+        (np.ones((4, 4), bool), "is bool of shape"),
+        (np.full((4, 4), np.nan), "is nan or so at 16 pixels"),
+        (np.full((4, 4), np.inf), "is inf or so at 16 pixels"),
+        (np.diag([1.0, 1.0, 1.0, 0.0]) - 1.0, "is -1 or so at 13 pixels"),
+    ],
+)
+def test_impossible_ambient_light_and_vignetting_are_refused(wrong: Any, reason: str) -> None:
+    with pytest.raises(InputError, match=f"The ambient light {reason}"):
+        subtract_ambient(np.ones((4, 4)), wrong)
+    with pytest.raises(InputError, match="The vignetting"):
+        divide_vignetting(np.ones((4, 4)), wrong)
+    with pytest.raises(InputError, match="The vignetting is 0 or so at 16 pixels"):
+        divide_vignetting(np.ones((4, 4)), np.zeros((4, 4)))
 
 
 def test_normalise_linear_divides_by_the_brightest_diffuse_value() -> None:

@@ -22,6 +22,7 @@ from persfs_cl.grey import decode_srgb, encode_srgb
 from persfs_cl.images import (
     read_depth,
     read_image,
+    read_light,
     read_mask,
     read_photo,
     to_display,
@@ -122,6 +123,63 @@ def test_a_channel_is_a_weighted_sum_of_linear_light(tmp_path: Path, channel: An
     np.testing.assert_allclose(read_image(path, channel=channel), expected, rtol=1e-13, atol=1e-15)
     grey = save(tmp_path / "grey.png", samples[..., 0])
     np.testing.assert_array_equal(read_image(grey, channel=channel), decode_srgb(samples[..., 0] / 255))
+
+
+def test_the_channel_max_is_the_largest_linear_light(tmp_path: Path) -> None:
+    samples = random_samples(3, 8)
+    photo = read_photo(save(tmp_path / "a.png", samples), channel="max")
+    np.testing.assert_allclose(photo.image, decode_srgb(samples / 255).max(axis=2), rtol=1e-13)
+    assert photo.channel == "max"
+    floats: Samples = (samples / 100).astype(np.float32)
+    floats[0, 1, 2] = np.nan
+    tifffile.imwrite(tmp_path / "a.tif", floats, photometric="rgb")
+    image = read_photo(tmp_path / "a.tif", channel="max", keep_nan=True).image
+    np.testing.assert_array_equal(image, floats.max(axis=2).astype(float))
+    grey = save(tmp_path / "grey.png", samples[..., 0])
+    np.testing.assert_array_equal(read_image(grey, channel="max"), read_image(grey))
+    wrong: Any = "maximum"
+    with pytest.raises(InputError, match=r"channel='maximum' is unknown: give one of luminance, .*, max"):
+        read_image(grey, channel=wrong)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize(
+    ("channel", "used"), [("red", [0]), ("green", [1]), ("blue", [2]), ("luminance", [0, 1, 2]), ("max", [0, 1, 2])]
+)
+def test_a_photo_keeps_its_extreme_samples(tmp_path: Path, bits: int, channel: Any, used: list[int]) -> None:
+    samples = random_samples(4, bits)
+    photo = read_photo(save(tmp_path / "a.png", samples), channel=channel)
+    np.testing.assert_array_equal(photo.largest_sample, samples[..., used].max(axis=2))
+    np.testing.assert_array_equal(photo.smallest_sample, samples[..., :3].min(axis=2))
+    assert photo.white == 2**bits - 1
+
+
+def test_numbers_of_a_file_become_light_as_its_pixels_do(tmp_path: Path) -> None:
+    samples = random_samples(1, 8)
+    for encoding in ("srgb", "linear"):
+        photo = read_photo(save(tmp_path / "a.png", samples), encoding=encoding)
+        np.testing.assert_allclose(photo.linear(samples), photo.image, rtol=1e-14)
+    tifffile.imwrite(tmp_path / "a.tif", samples.astype(np.float32))
+    photo = read_photo(tmp_path / "a.tif")
+    assert photo.white is None
+    np.testing.assert_array_equal(photo.linear(samples), photo.image)
+
+
+def test_light_is_read_from_images_and_arrays(tmp_path: Path) -> None:
+    samples = random_samples(3, 8)
+    picture = save(tmp_path / "a.png", samples)
+    for options in ({}, {"channel": "green", "encoding": "linear"}):
+        expected = read_image(picture, **options)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(read_light(picture, SHAPE, **options), expected)  # type: ignore[arg-type]
+    stored = np.where(samples[..., 0] > 9, samples[..., 0] / 7, np.nan)
+    np.save(tmp_path / "a.npy", stored)
+    np.testing.assert_array_equal(read_light(tmp_path / "a.npy", SHAPE), stored)
+    for name in ("a.png", "a.npy"):
+        with pytest.raises(InputError, match=rf"{name} has shape \(7, 5\), but the image has \(5, 7\)"):
+            read_light(tmp_path / name, (5, 7))
+    np.save(tmp_path / "a.npy", np.ones(SHAPE, bool))
+    with pytest.raises(InputError, match="holds bool, not numbers"):
+        read_light(tmp_path / "a.npy", SHAPE)
 
 
 def test_integers_can_be_taken_as_linear(tmp_path: Path) -> None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pyopencl as cl
 import pytest
-from problems import random_problem, reference, sweeper
+from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, reference, sweeper
 
 from persfs_cl import Device, DeviceError, ParallelLight
 from persfs_cl._cl.launches import DIRECTIONS, Sweeper, Tuning
 from persfs_cl.problem import Problem
-from persfs_cl.reference import hamiltonian
+from persfs_cl.reference import ParallelEquation
 
 SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
 TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
-OBLIQUE = ParallelLight(0.3, -0.2)
+SETUPS = LAX_FRIEDRICHS | UPWIND
+# Those with kernels of their own: the sign of the surface and the direction of a parallel light are numbers.
+KERNELS = ["upwind oblique toward", *list(UPWIND)[4:], "flash on a shiny surface"]
 
 both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
 
@@ -25,30 +29,66 @@ def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str
     np.testing.assert_array_less(np.abs(device_values - expected) / scale, TOLERANCE[precision])
 
 
-@both_ways
-@pytest.mark.parametrize("light", [ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
-@pytest.mark.parametrize("direction", range(4))
-@pytest.mark.parametrize("shape", [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)])
-def test_one_sweep_equals_the_twin(
-    device: Device, precision: str, shape: tuple[int, int], direction: int, light: ParallelLight, surface: str
-) -> None:
-    problem = random_problem(7, shape, surface=surface, light=light, boundary="wall")
-    twin, kernel = reference(problem), sweeper(problem, device, precision, "wavefront")
-    kernel.sweep(direction)
-    twin.sweep(*DIRECTIONS[direction])
-    assert_close(kernel.log_depth()[0], twin.log_depth, precision)
-    assert (kernel.log_depth()[0] < problem.start).any(), "something must have moved"
+@functools.cache
+def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarray]:
+    """Values after each; the twin takes its time."""
+    twin = reference(random_problem(7, shape, boundary="wall", **SETUPS[name]))
+    values = []
+    for direction in DIRECTIONS:
+        twin.sweep(*direction)
+        values.append(twin.log_depth.copy())
+    return values
 
 
-@both_ways
-def test_one_checkerboard_sweep_equals_the_twin(device: Device, precision: str, surface: str) -> None:
-    problem = random_problem(3, (23, 38), surface=surface, light=OBLIQUE)
-    twin, kernel = reference(problem), sweeper(problem, device, precision, "checkerboard")
-    for number in range(2):
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        *[(name, shape) for name in LAX_FRIEDRICHS for shape in [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)]],
+        *[(name, shape) for name in UPWIND for shape in [(1, 7), (7, 1), (6, 9)]],
+    ],
+)
+def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, shape: tuple[int, int]) -> None:
+    problem = random_problem(7, shape, boundary="wall", **SETUPS[name])
+    expected = four_sweeps_of_the_twin(name, shape)
+    kernel = sweeper(problem, device, precision, "wavefront")
+    for number, values in enumerate(expected):
         kernel.sweep(number)
+        assert_close(kernel.log_depth()[0], values, precision)
+    assert (expected[-1] < problem.start).any(), "something must have moved"
+
+
+@functools.cache
+def two_sweeps_of_the_coloured_twin(name: str) -> list[np.ndarray]:
+    twin = reference(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
+    values = []
+    for number in range(2):
         twin.sweep_colour(number)
         twin.sweep_colour(1 - number)
-        assert_close(kernel.log_depth()[0], twin.log_depth, precision)
+        values.append(twin.log_depth.copy())
+    return values
+
+
+@pytest.mark.parametrize("name", SETUPS)
+def test_each_checkerboard_sweep_equals_the_twin(device: Device, precision: str, name: str) -> None:
+    problem = random_problem(3, (23, 38), boundary="wall", **SETUPS[name])
+    kernel = sweeper(problem, device, precision, "checkerboard")
+    for number, values in enumerate(two_sweeps_of_the_coloured_twin(name)):
+        kernel.sweep(number)
+        assert_close(kernel.log_depth()[0], values, precision)
+
+
+@pytest.mark.parametrize("name", UPWIND)
+def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None:
+    """The value of each cell is its lowest candidate, unless it kept the start value."""
+    problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
+    kernel = sweeper(problem, device, "float64", "wavefront")
+    assert kernel.run(100)[-1] <= 1e-13
+    twin = reference(problem)
+    twin.log_depth = kernel.log_depth()[0].astype(np.float64)
+    rows, columns = np.nonzero(problem.domain.solved)
+    found = [twin.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
+    least = np.fmin.reduce([*found, problem.start[rows, columns]])
+    assert_close(kernel.log_depth()[0][rows, columns], least, "float64")
 
 
 @pytest.mark.parametrize("boundary", ["outflow", "extrapolate"])
@@ -81,6 +121,16 @@ def test_iterations_equal_the_twin(device: Device, precision: str, ordering: str
     assert change == pytest.approx(expected, rel=1e-2 if precision == "float32" else 1e-6)
 
 
+def assert_same_bits(problem: Problem, device: Device, precision: str, *, linear: bool = False) -> None:
+    one = sweeper(problem, device, precision, "lexicographic", linear=linear)
+    other = sweeper(problem, device, precision, "wavefront", linear=linear)
+    for number in range(8):
+        for kernel in (one, other):
+            kernel.sweep(number % 4)
+            kernel.renew_boundary()
+        np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
+
+
 @both_ways
 @pytest.mark.parametrize("shape", SIZES)
 def test_wavefront_gives_the_bits_of_lexicographic(
@@ -90,14 +140,13 @@ def test_wavefront_gives_the_bits_of_lexicographic(
         boundary = ("outflow", "wall", "extrapolate")[seed]
         light = (ParallelLight(), OBLIQUE, ParallelLight(-0.5, 0.1))[seed]
         problem = random_problem(seed, shape, surface=surface, light=light, boundary=boundary)
-        linear = boundary == "extrapolate"
-        one = sweeper(problem, device, precision, "lexicographic", linear=linear)
-        other = sweeper(problem, device, precision, "wavefront", linear=linear)
-        for number in range(8):
-            for kernel in (one, other):
-                kernel.sweep(number % 4)
-                kernel.renew_boundary()
-            np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
+        assert_same_bits(problem, device, precision, linear=boundary == "extrapolate")
+
+
+@pytest.mark.parametrize("name", ["upwind frontal away", *KERNELS])
+def test_wavefront_gives_the_bits_of_lexicographic_by_any_kernels(device: Device, precision: str, name: str) -> None:
+    for seed, shape in enumerate([(1, 9), (9, 1), (2, 2), (13, 31), (37, 70)]):
+        assert_same_bits(random_problem(seed, shape, boundary="wall", **SETUPS[name]), device, precision)
 
 
 STRIPS = [Tuning("wavefront_strips", 8, bands, work_groups) for bands in (1, 2, 3, 4) for work_groups in (1, 2, 3, 4)]
@@ -111,13 +160,24 @@ IMAGES = [Tuning("wavefront_images", 8, bands, work_groups) for bands in (1, 2, 
 )
 def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
     """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
+    for name in ("frontal away", "frontal toward"):
+        assert_tuning_gives_the_bits(device, precision, tuning, name, largest=140)
+
+
+@pytest.mark.parametrize("tuning", [WAVEFRONTS[0], IMAGES[5]], ids=lambda t: t.variant)
+@pytest.mark.parametrize("name", KERNELS)
+def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
+    device: Device, precision: str, tuning: Tuning, name: str
+) -> None:
+    assert_tuning_gives_the_bits(device, precision, tuning, name, largest=60)
+
+
+def assert_tuning_gives_the_bits(device: Device, precision: str, tuning: Tuning, name: str, *, largest: int) -> None:
     random = np.random.default_rng(len(tuning.variant) + tuning.bands + 10 * tuning.work_groups)
-    for seed in range(4):
-        height, width = random.integers(1, 140, 2)
-        surface = ("away", "toward")[seed % 2]
-        problem = random_problem(
-            seed, (int(height), int(width) + 1), surface=surface, boundary="wall", holes=0.02 * seed
-        )
+    for seed in range(2):
+        height, width = random.integers(1, largest, 2)
+        shape = (int(height), int(width) + 1)
+        problem = random_problem(seed, shape, boundary="wall", holes=0.05 * seed, **SETUPS[name])
         one = sweeper(problem, device, precision, "lexicographic")
         expected_changes = one.run(3)
         for _ in range(3):
@@ -129,25 +189,50 @@ def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision:
 def test_checkerboard_is_the_same_by_cells_and_by_vectors(device: Device, precision: str) -> None:
     for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130)]):
         problem = random_problem(seed, shape, light=OBLIQUE, boundary=("outflow", "wall")[seed % 2])
-        results = []
-        for lanes in (1, 8):
-            kernel = sweeper(problem, device, precision, "checkerboard", tuning=Tuning("checkerboard", lanes=lanes))
-            kernel.run(4)
-            results.append(kernel.log_depth())
-        np.testing.assert_array_equal(results[0], results[1])
+        assert_vectors_give_the_bits_of_cells(problem, device, precision)
 
 
-@pytest.mark.parametrize("tuning", [*WAVEFRONTS[:8:3], *IMAGES[2:4], *OTHERS], ids=str)
-def test_images_that_share_launches_do_not_touch_each_other(device: Device, precision: str, tuning: Tuning) -> None:
+@pytest.mark.parametrize("name", KERNELS)
+def test_checkerboard_is_the_same_by_cells_and_by_vectors_by_any_kernels(
+    device: Device, precision: str, name: str
+) -> None:
+    for seed, shape in enumerate([(1, 2), (8, 16), (17, 31)]):
+        problem = random_problem(seed, shape, boundary="wall", **SETUPS[name])
+        assert_vectors_give_the_bits_of_cells(problem, device, precision)
+
+
+def assert_vectors_give_the_bits_of_cells(problem: Problem, device: Device, precision: str) -> None:
+    results = []
+    for lanes in (1, 8):
+        kernel = sweeper(problem, device, precision, "checkerboard", tuning=Tuning("checkerboard", lanes=lanes))
+        kernel.run(4)
+        results.append(kernel.log_depth())
+    np.testing.assert_array_equal(results[0], results[1])
+
+
+@pytest.mark.parametrize(
+    ("tuning", "name"),
+    [
+        *[(tuning, "frontal away") for tuning in (*WAVEFRONTS[:8:3], *IMAGES[2:4], *OTHERS)],
+        *[(tuning, name) for tuning in (WAVEFRONTS[0], IMAGES[5]) for name in ("upwind frontal away", "upwind flash")],
+    ],
+    ids=str,
+)
+def test_images_that_share_launches_do_not_touch_each_other(
+    device: Device, precision: str, tuning: Tuning, name: str
+) -> None:
     """Each has its own mask, boundary, known values, start and end."""
-    problems = [random_problem(seed, (45, 38), boundary="outflow", holes=0.03 * seed) for seed in range(5)]
+    boundary = "wall" if name in UPWIND else "outflow"
+    problems = [
+        random_problem(seed, (45, 38), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
+    ]
     ordering = tuning.variant.split("_")[0]
 
     def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
         shared = Sweeper(
             device,
             [problem.numbers for problem in members],
-            model=("parallel_light", "lax_friedrichs"),
+            model=members[0].model.kernels_with(members[0].scheme),
             ordering=ordering,
             precision=precision,
             tolerance=1e-3,
@@ -205,9 +290,12 @@ def test_work_left_undone_is_an_error(device: Device) -> None:
 
 
 @pytest.mark.parametrize("ordering", ["lexicographic", "wavefront", "checkerboard"])
-@pytest.mark.parametrize("boundary", ["outflow", "extrapolate", "wall"])
-def test_values_never_rise(device: Device, precision: str, ordering: str, boundary: str) -> None:
-    problem = random_problem(4, (33, 47), boundary=boundary)
+@pytest.mark.parametrize(
+    ("boundary", "name"),
+    [*[(boundary, "frontal away") for boundary in ("outflow", "extrapolate")], *[("wall", name) for name in SETUPS]],
+)
+def test_values_never_rise(device: Device, precision: str, ordering: str, boundary: str, name: str) -> None:
+    problem = random_problem(4, (33, 47), boundary=boundary, **SETUPS[name])
     kernel = sweeper(problem, device, precision, ordering, linear=boundary == "extrapolate")
     before = kernel.log_depth()[0]
     for number in range(16):
@@ -217,14 +305,14 @@ def test_values_never_rise(device: Device, precision: str, ordering: str, bounda
         kernel.renew_boundary()
         after = kernel.log_depth()[0]
         assert (after <= swept).all()
-        assert (after < before).any() or number > 8
+        assert (after < before).any() or number > 3
         before = after
 
 
-@both_ways
-def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, precision: str, surface: str) -> None:
+@pytest.mark.parametrize("name", ["oblique away", "oblique toward", "flash on a shiny surface", *UPWIND])
+def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, precision: str, name: str) -> None:
     # State constraints keep the scheme monotone; eq. (12) does not, and its limit may depend on the order of the cells.
-    problem = random_problem(8, (40, 45), surface=surface, light=OBLIQUE, boundary="wall")
+    problem = random_problem(8, (40, 45), boundary="wall", **SETUPS[name])
     limits = []
     for ordering in ("wavefront", "checkerboard"):
         kernel = sweeper(problem, device, precision, ordering)
@@ -239,12 +327,14 @@ def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, preci
 
 @pytest.mark.parametrize("light", [ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
 def test_least_slope_is_where_the_hamiltonian_is_least(light: ParallelLight) -> None:
-    problem = random_problem(1, (5, 5), light=light)
     slopes = np.linspace(-30.0, 30.0, 600_001)
-    for brightness, q, x, y in ((0.9, 0.2, 0.3, -0.1), (0.5, -1.5, -0.4, 0.2), (0.35, 0.0, 0.5, 0.5)):
-        values = hamiltonian(np.array(brightness), slopes, np.array(q), np.array(x), np.array(y), light)
-        least = reference(problem)._least_slope(np.array(brightness), np.array(q), np.array(x), np.array(y), light.p0)
-        assert least == pytest.approx(slopes[values.argmin()], abs=2e-4)
+    for numbers in ((0.9, 0.2, 0.3, -0.1), (0.5, -1.5, -0.4, 0.2), (0.35, 0.0, 0.5, 0.5)):
+        brightness, given, x, y = (np.array(number) for number in numbers)
+        equation = ParallelEquation(brightness, x, y, light, 30.0)
+        expected_p = slopes[equation.hamiltonian(slopes, given).argmin()]
+        expected_q = slopes[equation.hamiltonian(given, slopes).argmin()]
+        assert equation.least_p(given) == pytest.approx(expected_p, abs=2e-4)
+        assert equation.least_q(given) == pytest.approx(expected_q, abs=2e-4)
 
 
 def test_change_is_the_largest_over_the_iteration(device: Device, precision: str) -> None:

@@ -33,6 +33,7 @@ DRAW: dict[str, Draw] = {
     "relief": lambda path, depth: pictures.relief_picture(path, depth, CAMERA),
     "textured relief": lambda path, depth: pictures.relief_picture(path, depth, CAMERA, np.full(depth.shape, 0.4)),
     "comparison": lambda path, depth: pictures.comparison_picture(path, depth / 4, depth / 5),
+    "confidence": lambda path, depth: pictures.confidence_picture(path, depth / 9, {"odd": depth > 2.4}),
 }
 HISTORY = [2.0, 0.3, 0.02, 0.0]
 
@@ -193,6 +194,31 @@ def test_comparison_refuses_images_that_do_not_fit(shapes: tuple[tuple[int, ...]
 def test_comparison_refuses_a_white_that_is_none(white: float, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="white="):
         pictures.comparison_picture(tmp_path / "comparison.png", a_bump(), a_bump(), white=white)
+
+
+def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Drawn) -> None:
+    errors = np.geomspace(0.02, 0.2, 12).reshape(3, 4)
+    errors[0, 0] = np.nan
+    dark, shiny, never = np.zeros((3, 3, 4), dtype=bool)
+    dark[1] = shiny[1:, 2:] = True
+    never[1, 0] = True
+    doubts = {"dark": dark, "shiny": shiny, "also dark": never}
+    pictures.confidence_picture(tmp_path / "confidence.png", errors, doubts)
+    left, right, _bar = drawn[0].axes
+    np.testing.assert_allclose(np.ma.filled(left.images[0].get_array(), np.nan), 100 * errors)
+    assert np.ma.filled(right.images[0].get_array(), -1).tolist() == [[-1, 0, 0, 0], [1, 1, 1, 1], [0, 0, 2, 2]]
+    (legend,) = drawn[0].legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert texts == ["none: 5 px", "dark: 4 px", "shiny: 2 px"]
+    colours = right.images[0].cmap(right.images[0].norm([0, 1, 2]))
+    assert [patch.get_facecolor() for patch in legend.get_patches()] == [tuple(colour) for colour in colours]
+
+
+def test_confidence_refuses_maps_that_do_not_fit(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"doubts\['dark'\] has shape \(2, 2\)"):
+        pictures.confidence_picture(tmp_path / "a.png", np.ones((3, 4)), {"dark": np.ones((2, 2), dtype=bool)})
+    with pytest.raises(InputError, match=r"slope_error has shape \(3,\)"):
+        pictures.confidence_picture(tmp_path / "a.png", np.ones(3), {})
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.0])

@@ -1,4 +1,4 @@
-"""README.md as a reader takes it: its examples run as they stand, and print what it says; its links lead somewhere."""
+"""Pages as a reader takes them: examples run as they stand, and print what the page says; links lead somewhere."""
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ PATH_IN_CODE = re.compile(r"`((?:docs|kernels|persfs_cl|tests)/[\w./]*)`")
 class Example:
     """A fenced block that can be run, and the `text` block right after it, which is what it prints."""
 
+    page: str
     line: int
     language: str
     text: str
     output: str | None
 
 
-def examples(markdown: str) -> list[Example]:
+def examples(page: str) -> list[Example]:
+    markdown = (ROOT / page).read_text(encoding="utf-8")
     found: list[Example] = []
     fences = list(FENCE.finditer(markdown))
     for fence, following in zip(fences, [*fences[1:], None], strict=True):
@@ -46,7 +48,7 @@ def examples(markdown: str) -> list[Example]:
         if following and following["language"] == "text" and not markdown[fence.end() : following.start()].strip():
             output = textwrap.dedent(following["text"])
         line = markdown.count("\n", 0, fence.start()) + 1
-        found.append(Example(line, language, textwrap.dedent(fence["text"]), output))
+        found.append(Example(page, line, language, textwrap.dedent(fence["text"]), output))
     return found
 
 
@@ -58,16 +60,17 @@ def typed_lines(example: Example) -> list[str]:
     return lines
 
 
-README = examples((ROOT / "README.md").read_text(encoding="utf-8"))
+README = examples("README.md")
+EXAMPLES = [*README, *examples("docs/choosing.md")]
 
 
 def test_readme_has_examples_of_both_kinds_and_output() -> None:
     assert {"python", "bash"} <= {example.language for example in README}
-    assert {example.language for example in README} <= {"python", *SHELL}, "a language that no test runs"
+    assert {example.language for example in EXAMPLES} <= {"python", *SHELL}, "a language that no test runs"
     assert any(example.output for example in README)
 
 
-@pytest.mark.parametrize("example", README, ids=lambda example: f"line {example.line}, {example.language}")
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: f"{example.page}, line {example.line}")
 def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
     scripts = Path(sys.executable).parent
     assert (scripts / "persfs-cl").exists(), f"persfs-cl is not installed beside {sys.executable}"
@@ -87,7 +90,7 @@ def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert done.returncode == 0, f"README.md, line {example.line}:\n{done.stdout}\n{done.stderr}"
+    assert done.returncode == 0, f"{example.page}, line {example.line}:\n{done.stdout}\n{done.stderr}"
     if example.output is not None:
         assert done.stdout == example.output
 
@@ -108,5 +111,6 @@ def test_links_lead_to_files(page: Path) -> None:
         assert (ROOT / path).exists(), f"{page.name} names {path}, which does not exist"
 
 
-def test_the_picture_is_small() -> None:
-    assert (ROOT / "docs" / "demo.png").stat().st_size < 400_000
+@pytest.mark.parametrize("name", ["demo.png", "walls.png"])
+def test_the_pictures_are_small(name: str) -> None:
+    assert (ROOT / "docs" / name).stat().st_size < 400_000

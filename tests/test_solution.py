@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
+import itertools
 import json
 import os
 from pathlib import Path
@@ -11,9 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import NDArray
 
 import persfs_cl as ps
+from persfs_cl.confidence import slope_error
 from persfs_cl.images import read_depth
+from persfs_cl.light import Light
+from persfs_cl.reflectance import OrenNayar, Phong
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +67,69 @@ def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
     assert report["parameters"]["principal_point"] == [24.5, 19.5]
 
 
+@pytest.mark.parametrize("light", [ps.ParallelLight(0.3, -0.2), ps.FlashLight(), ps.FlashLight(offset=(0.1, 0.0, 0.0))])
+def test_slope_error_is_that_of_a_brightness_one_percent_wrong(light: Light, solution: ps.Solution) -> None:
+    confidence = dataclasses.replace(solution, light=light).confidence()
+    points, normals = solution.points(), solution.normals()
+    if isinstance(light, ps.ParallelLight):
+        directions = np.broadcast_to([-light.p0, -light.q0, -1.0], points.shape)
+    else:
+        directions = np.array(light.offset) - points
+    cosine = (normals * directions).sum(-1) / np.linalg.norm(directions, axis=-1)
+    cosine[cosine < 0.01] = np.nan
+    slope, darker = (np.sqrt(1.0 / (share * cosine) ** 2 - 1.0) for share in (1.0, 0.99))
+    matching = np.isfinite(cosine)
+    assert matching.sum() > 0.8 * solution.solved.sum()
+    np.testing.assert_allclose(confidence.slope_error[matching], (darker - slope)[matching], rtol=0.07)
+    np.testing.assert_array_equal(np.isnan(confidence.slope_error), ~solution.solved)
+
+
+def test_slope_error_foretells_what_noise_does() -> None:
+    light = ps.FlashLight()
+    scene = ps.bump((120, 120), light=light, relief=0.5)
+    noise = 1.0 + 0.01 * np.random.default_rng(3).standard_normal(scene.image.shape)
+    clean, noisy = (ps.reconstruct(image, scene.camera, light=light) for image in (scene.image, scene.image * noise))
+
+    def slope(solution: ps.Solution) -> NDArray[np.float64]:
+        points = solution.points()
+        cosine = -(solution.normals() * points).sum(-1) / np.linalg.norm(points, axis=-1)
+        return np.asarray(np.sqrt(1.0 / cosine**2 - 1.0))
+
+    foretold = clean.confidence().slope_error
+    found = np.abs(slope(noisy) - slope(clean))
+    bounds = np.quantile(foretold, (0.0, 0.25, 0.5, 0.75, 1.0))
+    for low, high in itertools.pairwise(bounds):
+        quarter = (foretold >= low) & (foretold <= high)
+        # 0.67 is the median of |noise| in units of its deviation; differences of neighbours hear more than one pixel.
+        assert 0.4 < np.median(found[quarter]) / np.median(foretold[quarter]) < 1.5
+
+
+def test_doubts_are_counted_after_those_of_the_solver(solution: ps.Solution) -> None:
+    shadow, paint = np.zeros((2, 40, 50), dtype=bool)
+    shadow[:3] = True
+    paint[2:4] = True
+    confidence = solution.confidence({"shadow": shadow, "paint": paint})
+    assert list(confidence.doubts) == ["unreached", "clamped", "shadow", "paint"]
+    report = solution.report({"shadow": shadow, "paint": paint})["confidence"]
+    assert report == json.loads(json.dumps(confidence.report(), allow_nan=False))
+    assert report["doubtful_pixels"] == {"unreached": 0, "clamped": 0, "shadow": 150, "paint": 100, "any": 200}
+    assert report["slope_error"]["median"] == pytest.approx(np.nanmedian(confidence.slope_error))
+    with pytest.raises(ps.InputError, match=r"doubts\['shadow'\] is bool of shape \(3, 50\)"):
+        solution.confidence({"shadow": shadow[:3]})
+
+
+@pytest.mark.parametrize("reflectance", [ps.OrenNayar(0.3), ps.OrenNayar(0.9), ps.Phong(0.7, 0.3, 20)])
+def test_slope_error_of_other_materials(reflectance: OrenNayar | Phong) -> None:
+    slope = np.array([0.1, 0.3, 0.6, 0.9, 1.5, 4.0])
+    change = slope_error(1.0 / np.hypot(1.0, slope), reflectance)
+    here, beyond, before = (
+        np.log(reflectance.coaxial(1.0 / np.hypot(1.0, slope + sign * change))) for sign in (0, 1, -1)
+    )
+    # The expansion is for small changes: one side or the other may be off, but not both.
+    moved = np.maximum(np.abs(beyond - here), np.abs(before - here))
+    np.testing.assert_allclose(moved, 0.01, rtol=0.5)
+
+
 def test_saving_to_a_folder_writes_everything(solution: ps.Solution, tmp_path: Path) -> None:
     written = solution.save(tmp_path / "new" / "folder", report={"photo": "a.png"})
     assert all(path.is_file() and path.stat().st_size > 0 for path in written)
@@ -95,7 +164,7 @@ def test_saving_where_it_cannot_be_is_refused(solution: ps.Solution, tmp_path: P
 def test_a_folder_may_have_a_dot_in_its_name(
     exists: bool, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ps.Solution, "_draw", lambda _self, _folder: [])
+    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
     folder = tmp_path / "run.2"
     if exists:
         folder.mkdir()

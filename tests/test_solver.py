@@ -308,7 +308,7 @@ def depths(value: float) -> np.ndarray[Any, Any]:
         ({"scheme": "magic"}, "lax-friedrichs"),
         ({"ordering": "random"}, "checkerboard"),
         ({"precision": "float16"}, "float64"),
-        ({"accuracy_order": 2}, "of order 1"),
+        ({"accuracy_order": 2}, "only the upwind scheme"),
         ({"max_iterations": 0}, "max_iterations=0"),
         ({"max_iterations": 2.5}, "whole number"),
         ({"tolerance": -1.0}, "tolerance"),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,11 +67,11 @@ class Grid:
     edges: int
     rim_cells: bool = True
 
-    @property
-    def marked_brightness(self) -> NDArray[np.floating]:
+    def marked_brightness(self, real: np.dtype[Any]) -> NDArray[np.floating]:
         """E as the kernels read it: NaN where not swept, with its sign set where a neighbour is missing."""
         swept = (self.flags & SWEPT) != 0
-        marked = np.where(swept, self.brightness, np.nan)
+        marked: NDArray[np.floating] = self.brightness.astype(real)
+        marked[~swept] = np.nan
         if not self.rim_cells:
             return marked
         # Not so the others: a NaN with its sign set would send its whole block the slow way.
@@ -110,6 +111,10 @@ class Tuning:
         After so many a work-group that waits for another hands its strip back: some hundred microseconds.
     images_at_a_time : int or None
         So many images share a launch, and go through all queued iterations before the next; None is all.
+    second_order : bool
+        Correct the differences of the upwind scheme to second order.
+    only_lower : bool
+        Let the corrected values only fall.
     """
 
     variant: str
@@ -118,14 +123,22 @@ class Tuning:
     work_groups: int = 1
     polls: int = 4000
     images_at_a_time: int | None = None
+    second_order: bool = False
+    only_lower: bool = False
 
     @classmethod
-    def of(cls, device: Device, ordering: str, shape: tuple[int, int], images: int) -> Tuning:
+    def of(
+        cls, device: Device, ordering: str, shape: tuple[int, int], images: int, *, second_order: bool = False
+    ) -> Tuning:
         """What suits a device, and a number of images of one size.
 
         Strips want few work-groups, each with one item and wide vectors: what a CPU is good at. Elsewhere the wavefront
         goes tile by tile, with many items.
         """
+        if second_order:
+            # These visit cells one by one: the wider stencil and its case distinctions are not for vectors.
+            variants = {"checkerboard": "three_colours", "wavefront": "wavefront_tiles"}
+            return cls(variants.get(ordering, ordering), second_order=True)
         on_cpu = device.kind == "cpu"
         if ordering == "checkerboard":
             if not on_cpu:
@@ -148,6 +161,8 @@ class Tuning:
     def definitions(self) -> dict[str, int]:
         """Constants of the program."""
         sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
+        if self.second_order:
+            sizes["ONLY_LOWER"] = int(self.only_lower)
         strips = {"BANDS": self.bands, "POLLS": self.polls} if self.in_strips else {}
         return {"LANES": self.lanes, **sizes, **strips}
 
@@ -159,7 +174,8 @@ class Tuning:
             "wavefront_strips": ("strip",),
             "checkerboard": (),
         }
-        return (*before.get(self.variant, ("cell",)), self.variant)
+        cell = "second_order" if self.second_order else "cell"
+        return (*before.get(self.variant, (cell,)), self.variant)
 
     @property
     def in_strips(self) -> bool:
@@ -171,7 +187,8 @@ class Tuning:
         if self.variant == "checkerboard":
             return Layout.columns_apart(shape, self.lanes)
         if not self.in_strips:
-            return Layout.padded(shape, 1, 1)
+            margin = 2 if self.second_order else 1
+            return Layout.padded(shape, margin, margin)
         # The last strip may reach past the image; lanes lean out by a strip's height and a block.
         strip = 8 * self.bands
         return Layout.padded(shape, -shape[0] % strip + 1, strip + 8)
@@ -196,6 +213,10 @@ class Sweeper:
         Extrapolate the boundary cells instead of letting the surface flow out.
     lowest : float
         Floor of the extrapolation.
+    second_order : bool
+        Correct converged values of the upwind scheme to second order.
+    only_lower : bool
+        With that, let values only fall.
     tuning : Tuning, optional
         In place of the device's own.
 
@@ -216,13 +237,17 @@ class Sweeper:
         tolerance: float = 0.0,
         linear: bool = False,
         lowest: float = 0.0,
+        second_order: bool = False,
+        only_lower: bool = False,
         tuning: Tuning | None = None,
     ) -> None:
         self._device = device
         self._real = device.real(precision)
         self.count = len(grids)
         height, width = grids[0].log_depth.shape
-        self.tuning = tuning or Tuning.of(device, ordering, (height, width), self.count)
+        shape = (height, width)
+        chosen = tuning or Tuning.of(device, ordering, shape, self.count, second_order=second_order)
+        self.tuning = replace(chosen, only_lower=only_lower) if only_lower else chosen
         self._layout = layout = self.tuning.layout((height, width))
         # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
         self._tolerance = np.float32(tolerance)
@@ -235,7 +260,7 @@ class Sweeper:
 
         sweeping = program(device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
         stored = self._stack([layout.store(grid.log_depth, grid.outside, self._real) for grid in grids])
-        self._log_depth = self._upload(stored)
+        self._log_depth = self._upload(stored.copy())
         self._previous = self._upload(stored)
         del stored
         numbers = self._stack([_numbers(grid.parameters) for grid in grids])
@@ -246,7 +271,7 @@ class Sweeper:
         self._changes = self._buffer(4 * self.count)
         self._buffers = (
             self._log_depth,
-            self._upload(self._stack([layout.store(grid.marked_brightness, np.nan, self._real) for grid in grids])),
+            self._upload(self._stack([self._stored_brightness(grid) for grid in grids])),
             self._upload(self._stack([layout.store(grid.flags, 0, np.dtype(np.uint8)) for grid in grids])),
             self._parameters,
             self._upload(columns.astype(self._real)),
@@ -259,19 +284,23 @@ class Sweeper:
         begin: list[Any] = [None] * 7 + [integer, single, integer]
         if self.tuning.variant == "wavefront_images":
             self._sync = np.zeros(1, np.int32)
-            self._sync_buffer = self._upload(self._sync)
+            self._sync_buffer = self._upload(self._sync.copy())
             self._iterate = cl.Kernel(sweeping, "iterate")
-            self._iterate.set_scalar_arg_dtypes(
-                [*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single]
-            )
+            self._iterate.set_scalar_arg_dtypes([*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single])
             return
         self._sweep = cl.Kernel(sweeping, "sweep")
-        integers = {"lexicographic": 8, "wavefront_tiles": 10, "checkerboard": 3, "wavefront_strips": 8}
+        integers = {
+            "lexicographic": 8,
+            "wavefront_tiles": 10,
+            "wavefront_strips": 8,
+            "checkerboard": 3,
+            "three_colours": 7,
+        }
         scalars = begin + [integer] * integers[self.tuning.variant]
         if self.tuning.variant == "wavefront_strips":
             strips = -(-height // (8 * self.tuning.bands))
             self._sync = np.zeros(1 + (1 + _APART) * self.count * strips, np.int32)
-            self._sync_buffer = self._upload(self._sync)
+            self._sync_buffer = self._upload(self._sync.copy())
             scalars += [None, integer]
         self._sweep.set_scalar_arg_dtypes(scalars)
 
@@ -311,7 +340,7 @@ class Sweeper:
         DeviceError
             When the device left work undone.
         """
-        with self._device.lock:
+        with self._device.lock, self._until_idle():
             self._begin(iterations)
             if self.tuning.variant == "wavefront_images":
                 first = last = self._iterate_images(iterations)
@@ -358,6 +387,10 @@ class Sweeper:
             stored_parity = layout.first_row + layout.first_column
             colours = [(stored_parity + number + half) % 2 for half in range(2)]
             event, _ = [self._sweep(queue, size, None, *common, c, global_offset=offset) for c in colours]
+        elif tuning.variant == "three_colours":
+            size, offset = (layout.width, layout.height, len(chosen)), (0, 0, chosen.start)
+            colours = [(number + third) % 3 for third in range(3)]
+            event, *_ = [self._sweep(queue, size, None, *common, *image, c, global_offset=offset) for c in colours]
         elif tuning.variant == "lexicographic":
             event = self._sweep(
                 queue, (len(chosen),), (1,), *common, *image, *DIRECTIONS[number], global_offset=(chosen.start,)
@@ -375,9 +408,7 @@ class Sweeper:
                 tiles = min(diagonal, tile_rows - 1) - begin + 1
                 tile = (*DIRECTIONS[number], diagonal, begin)
                 items = (tiles * high, len(chosen))
-                launched = self._sweep(
-                    queue, items, (high, 1), *common, *image, *tile, global_offset=(0, chosen.start)
-                )
+                launched = self._sweep(queue, items, (high, 1), *common, *image, *tile, global_offset=(0, chosen.start))
                 event = event or launched
         self._sweeps += 1
         return event
@@ -494,6 +525,18 @@ class Sweeper:
         lists = [self._upload(cells) for cells in (parts, listed("cells"), listed("inwards"), listed("beside"))]
         self._boundary = (*lists, self._buffer(max(1, int(counts.sum())) * self._real.itemsize))
 
+    @contextmanager
+    def _until_idle(self) -> Iterator[None]:
+        """Not to leave, whatever happens, before the kernels are done with arrays that may then be freed."""
+        try:
+            yield
+        except BaseException:
+            self._device.queue.finish()
+            raise
+
+    def _stored_brightness(self, grid: Grid) -> NDArray[Any]:
+        return self._layout.store(grid.marked_brightness(self._real), np.nan, self._real)
+
     @staticmethod
     def _stack(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
         return arrays[0][None] if len(arrays) == 1 else np.stack(arrays)
@@ -523,17 +566,13 @@ def render(
         kernel = cl.Kernel(program(device, [*model, "render"], precision), "render")
         kernel.set_scalar_arg_dtypes([None] * 6 + [np.int32] * 2)
         brightness = _buffer(device, result.nbytes)
-        kernel(
-            device.queue,
-            (width, height),
-            None,
+        # Named, so that they live until the kernel has run.
+        given = [
             _upload(device, log_depth.astype(real)),
             _upload(device, flags),
             *(_upload(device, numbers.astype(real)) for numbers in (_numbers(parameters), x, y)),
-            brightness,
-            width,
-            height,
-        )
+        ]
+        kernel(device.queue, (width, height), None, *given, brightness, width, height)
         cl.enqueue_copy(device.queue, result, brightness)
     return result
 
@@ -557,9 +596,15 @@ def _group_size(kernel: cl.Kernel, device: Device) -> int:
 
 
 def _upload(device: Device, values: NDArray[Any]) -> cl.Buffer:
+    """The values on the device, which may work on the array itself.
+
+    So the array must not be changed afterwards, and the buffer must be kept until the kernels that use it have run.
+    """
     host = np.ascontiguousarray(values)
+    # A processor works on the array itself, which the buffer keeps alive: no second one to allocate and fill.
+    place = cl.mem_flags.USE_HOST_PTR if device.kind == "cpu" and host.flags.writeable else cl.mem_flags.COPY_HOST_PTR
     try:
-        return cl.Buffer(device.context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=host)
+        return cl.Buffer(device.context, cl.mem_flags.READ_WRITE | place, hostbuf=host)
     except (cl.MemoryError, cl.LogicError) as error:
         raise _out_of_memory(device, host.nbytes) from error
 

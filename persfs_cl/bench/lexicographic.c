@@ -18,7 +18,7 @@ void sweep(REAL *restrict log_depth,        /* Z or W = -Z, shape (height, width
     const REAL sign = parameters[5];
     const REAL to_p = sign * parameters[0], to_q = sign * parameters[1];
     const REAL step_x = parameters[2], step_y = parameters[3];
-    const REAL p0 = parameters[8], q0 = parameters[9], inverse_norm = parameters[10];
+    const REAL p0 = parameters[6], q0 = parameters[7], inverse_norm = parameters[8];
 
     for (int i = 1; i < height - 1; ++i) {
         const int row = upwards ? height - 1 - i : i;

@@ -39,7 +39,7 @@ def sweep(
     sign = parameters[5]
     to_p, to_q = sign * parameters[0], sign * parameters[1]
     step_x, step_y = parameters[2], parameters[3]
-    p0, q0, inverse_norm = parameters[8], parameters[9], parameters[10]
+    p0, q0, inverse_norm = parameters[6], parameters[7], parameters[8]
     for i in range(1, height - 1):
         row = height - 1 - i if upwards else i
         y, root_y, offset_y = y_table[0, row], y_table[1, row], y_table[2, row]

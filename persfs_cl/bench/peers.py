@@ -102,11 +102,13 @@ def numpy_diagonals(problem: Problem) -> Peer:
     """The twin in NumPy, float64, one anti-diagonal at a time."""
     twin = Reference(
         log_depth=problem.start.copy(),
-        brightness=problem.image,
+        brightness=problem.shading,
         flags=problem.domain.flags,
         boundary=problem.domain.boundary,
         grid=problem.grid,
         light=problem.model.light,
+        reflectance=problem.model.reflectance,
+        scheme=problem.scheme,
         sign=problem.sign,
         max_slope=problem.max_slope,
     )
@@ -115,7 +117,13 @@ def numpy_diagonals(problem: Problem) -> Peer:
 
 def _arrays(grid: Grid, precision: str) -> list[NDArray[np.floating]]:
     """What both loops take, each a C-contiguous copy."""
-    given = (grid.log_depth, grid.marked_brightness, grid.x_axis, grid.y_axis, np.asarray(grid.parameters))
+    given = (
+        grid.log_depth,
+        grid.marked_brightness(np.dtype(np.float64)),
+        grid.x_axis,
+        grid.y_axis,
+        np.asarray(grid.parameters),
+    )
     return [np.array(array, precision, order="C") for array in given]
 
 

@@ -37,6 +37,8 @@ persfs-cl reconstruct statue.png -o result --focal-length 590 --mean-filter 3 --
 
 persfs-cl reconstruct coin.tiff -o result --fov 7 --p0 0.2 --clip-highlights 95 --overwrite
 
+persfs-cl reconstruct endoscope.png -o result --light flash --fov 90 --channel red --highlights fill --mask view.png
+
 [bold]Output[/bold]
 
 The paths of the files written go to standard output, one a line; everything else goes to standard error.
@@ -48,6 +50,8 @@ _RENDER_EPILOG = """[bold]Example[/bold]
 
 persfs-cl render result/depth.npy -o image.png --focal-length 590 --p0 0.3
 
+persfs-cl render result/depth.npy -o image.png --focal-length 590 --light flash --reflectance oren-nayar --roughness 0.3
+
 The path of the image goes to standard output.
 """
 _COMPARE_EPILOG = """[bold]Examples[/bold]
@@ -55,6 +59,8 @@ _COMPARE_EPILOG = """[bold]Examples[/bold]
 persfs-cl compare result/depth.npy truth.npy --align scale
 
 persfs-cl compare one/rendered.png other/rendered.png --mask object.png --json
+
+persfs-cl compare result/depth.npy triangulated.csv --align scale --photo photo.jpg
 """
 _BENCH_EPILOG = """[bold]Examples[/bold]
 

@@ -1,4 +1,4 @@
-"""``persfs-cl compare``: how far two depth maps, or two images, lie apart."""
+"""``persfs-cl compare``: how far two depth maps, two images, or a depth map and points lie apart."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import numpy as np
 import typer
 
 from persfs_cl.errors import InputError
-from persfs_cl.images import Encoding, read_depth, read_mask, read_photo
+from persfs_cl.images import Channel, Encoding, read_depth, read_mask, read_photo
 from persfs_cl.metrics import Errors
 from persfs_cl.metrics import compare as measure
+from persfs_cl.sparse import PointErrors, at_points, compare_points, read_points
 
 Kind = Literal["auto", "depth", "image"]
 Alignment = Literal["none", "scale", "range"]
@@ -21,7 +22,12 @@ Alignment = Literal["none", "scale", "range"]
 
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="The estimate: a depth map or an image.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="The truth, of the same size.")],
+    second: Annotated[
+        Path,
+        typer.Argument(
+            metavar="B", help="The truth, of the same size; or .csv or .json of points: column, row and depth."
+        ),
+    ],
     mask: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image, white where to compare, or .npy of bool.")
     ] = None,
@@ -38,6 +44,14 @@ def compare(
     encoding: Annotated[
         Encoding, typer.Option(help="Of images. auto: integers are sRGB, floats are linear light.")
     ] = "auto",
+    photo: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="With points: the photo, to show beside it what a depth of 1 / sqrt(brightness) comes to.",
+        ),
+    ] = None,
+    channel: Annotated[Channel, typer.Option(help="Of the photo.")] = "luminance",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Compare two depth maps or two images: mean and root mean square of the differences, and kin.
@@ -45,7 +59,19 @@ def compare(
     Depth maps are .npy or .tiff, NaN where unknown, and compared in their own unit. Images are PNG, JPEG or TIFF,
     and compared in linear light, in grey levels from 0 to 255 (--encoding linear: as the numbers stand in the file);
     transparent pixels are left out. ME is the paper's mean error, RS its root mean square.
+
+    With points, such as triangulation gives, the mean of |z - z'| / z' is printed, and Spearman's rank correlation;
+    beside them those of a constant depth, and with --photo of 1 / sqrt(brightness).
     """
+    with_points = second.suffix.lower() in (".csv", ".json")
+    if photo is not None and not with_points:
+        raise typer.BadParameter("only goes with points, .csv or .json: leave it out.", param_hint="'--photo'")
+    if with_points:
+        if align == "range" or kind == "image":
+            raise typer.BadParameter("points have depths: use --align none or scale, and --kind auto or depth.")
+        rows = _beside_points(first, second, mask, align == "scale", photo, channel, encoding)
+        typer.echo(json.dumps({name: asdict(row) for name, row in rows.items()}) if as_json else _table(rows))
+        return
     if kind == "auto":
         images = {".png", ".jpg", ".jpeg"} & {first.suffix.lower(), second.suffix.lower()}
         kind = "image" if images else "depth"
@@ -54,9 +80,9 @@ def compare(
         if kind == "depth":
             values.append(read_depth(path))
         else:
-            photo = read_photo(path, encoding=encoding)
-            opaque = True if photo.mask is None else photo.mask
-            values.append(np.where(opaque, 255.0 * photo.image, np.nan))
+            taken = read_photo(path, encoding=encoding)
+            opaque = True if taken.mask is None else taken.mask
+            values.append(np.where(opaque, 255.0 * taken.image, np.nan))
     shape = (values[0].shape[0], values[0].shape[1])
     if values[1].shape != shape:
         raise InputError(f"{first} has shape {shape}, but {second} has {values[1].shape}: give two of the same size.")
@@ -67,6 +93,50 @@ def compare(
         raise InputError(f"{first}, {second}: {error}") from error
     unit = "share of the range" if align == "range" else "grey levels" if kind == "image" else "unit of the depth"
     typer.echo(json.dumps({**asdict(errors), "unit": unit}) if as_json else _text(errors, unit))
+
+
+def _beside_points(
+    depth: Path,
+    file: Path,
+    mask: Path | None,
+    scale: bool,
+    photo: Path | None,
+    channel: Channel,
+    encoding: Encoding,
+) -> dict[str, PointErrors]:
+    """The errors of a depth map, and of two guesses that take no solver, at the same points."""
+    values, points = read_depth(depth), read_points(file)
+    shape = (values.shape[0], values.shape[1])
+    if mask is not None:
+        values = np.where(read_mask(mask, shape), values, np.nan)
+    estimate = at_points(values, points)
+    # A guess must not be judged where there is no depth to compare it with.
+    truth = np.where(np.isnan(estimate), np.nan, points[:, 2])
+    brightness = None
+    if photo is not None:
+        image = read_photo(photo, channel=channel, encoding=encoding).image
+        if image.shape != shape:
+            raise InputError(f"{photo} has shape {image.shape}, but {depth} {shape}: give the photo that it is from.")
+        # Black would lie at infinity, and is left out.
+        brightness = at_points(np.where(image > 0, image, np.nan), points)
+    try:
+        rows = {
+            "depth": compare_points(estimate, truth, scale=scale),
+            "constant": compare_points(np.ones_like(truth), truth),
+        }
+        if brightness is not None:
+            rows["1/sqrt(I)"] = compare_points(brightness**-0.5, truth)
+    except InputError as error:
+        raise InputError(f"{depth}, {file}: {error}") from error
+    return rows
+
+
+def _table(rows: dict[str, PointErrors]) -> str:
+    lines = [f"{'':10} {'mean error':>11} {'rank corr.':>11} {'points':>7} {'scale':>11}"]
+    for name, row in rows.items():
+        correlation = "-" if row.rank_correlation is None else f"{row.rank_correlation:.4f}"
+        lines.append(f"{name:10} {row.mean_relative:11.4f} {correlation:>11} {row.count:7} {row.scale:11.6g}")
+    return "\n".join(lines)
 
 
 def _text(errors: Errors, unit: str) -> str:

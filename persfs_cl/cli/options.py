@@ -1,20 +1,25 @@
-"""Options that several commands have, and how their texts become numbers and cameras."""
+"""Options that several commands have, and how their texts become numbers, cameras, lights and materials."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from persfs_cl.camera import Camera
-from persfs_cl.errors import CameraError
+from persfs_cl.errors import CameraError, InputError
+from persfs_cl.light import FlashLight, Light, ParallelLight
+from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
 
 Precision = Literal["float32", "float64"]
+LightKind = Literal["parallel", "flash"]
+ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]
 
-_CAMERA, _LIGHT, _DEVICE = "Camera", "Light", "Device"
+_CAMERA, _LIGHT, _MATERIAL, _DEVICE = "Camera", "Light", "Material", "Device"
 _EITHER = "'--focal-length' / '--fov'"
 
 
@@ -60,25 +65,101 @@ PrincipalPointOption = Annotated[
     ),
 ]
 LightOption = Annotated[
-    Literal["parallel"],
-    typer.Option("--light", help="A light far away, the paper's s = (-p0, -q0, 1).", rich_help_panel=_LIGHT),
+    LightKind,
+    typer.Option(
+        "--light",
+        help="parallel: a light far away, the paper's s = (-p0, -q0, 1). flash: a lamp at the camera, or close by, as "
+        "of a phone or an endoscope.",
+        rich_help_panel=_LIGHT,
+    ),
 ]
 P0Option = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--p0",
-        help="Slope of the light: above 0 the lamp is left of the camera.",
+        help="Slope of the parallel light, 0 by default: above 0 the lamp is left of the camera.",
         callback=finite,
         rich_help_panel=_LIGHT,
     ),
 ]
 Q0Option = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--q0",
-        help="Slope of the light: above 0 the lamp is above the camera.",
+        help="Slope of the parallel light, 0 by default: above 0 the lamp is above the camera.",
         callback=finite,
         rich_help_panel=_LIGHT,
+    ),
+]
+GainOption = Annotated[
+    float | None,
+    typer.Option(
+        "--gain",
+        metavar="BRIGHTNESS",
+        help="Of the flash: brightness, in linear light, of a white surface that faces it at distance 1; 1 by default. "
+        "It sets the unit of depth.",
+        callback=positive,
+        rich_help_panel=_LIGHT,
+    ),
+]
+FalloffOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--falloff/--no-falloff",
+        help="Whether the flash fades with the square of the distance, as by default, or the photo was corrected for "
+        "that.",
+        show_default=False,
+        rich_help_panel=_LIGHT,
+    ),
+]
+LampOption = Annotated[
+    str | None,
+    typer.Option(
+        "--lamp",
+        metavar="X,Y,Z",
+        help="Where the flash is, to the right of the camera, below it and in front of it, in units of depth; 0,0,0 by "
+        "default.",
+        rich_help_panel=_LIGHT,
+    ),
+]
+ReflectanceOption = Annotated[
+    ReflectanceKind,
+    typer.Option(
+        "--reflectance",
+        help="lambertian: perfectly matt. oren-nayar: rough, as plaster. phong: with a highlight, as wet tissue.",
+        rich_help_panel=_MATERIAL,
+    ),
+]
+RoughnessOption = Annotated[
+    float | None,
+    typer.Option(
+        "--roughness",
+        metavar="RADIANS",
+        help="Of oren-nayar, which needs it: spread of the slopes of the facets; 0 is smooth, 0.5 rough.",
+        rich_help_panel=_MATERIAL,
+    ),
+]
+DiffuseOption = Annotated[
+    float | None,
+    typer.Option("--diffuse", help="Of phong: the matt part; 0.7 by default.", rich_help_panel=_MATERIAL),
+]
+SpecularOption = Annotated[
+    float | None,
+    typer.Option("--specular", help="Of phong: the highlight; 0.3 by default.", rich_help_panel=_MATERIAL),
+]
+ShininessOption = Annotated[
+    float | None,
+    typer.Option(
+        "--shininess", help="Of phong: the higher, the smaller the highlight; 10 by default.", rich_help_panel=_MATERIAL
+    ),
+]
+AlbedoOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--albedo",
+        metavar="FILE",
+        help="Paint: an image of the share of light that each pixel's surface returns, white all of it, or .npy.",
+        rich_help_panel=_MATERIAL,
     ),
 ]
 DeviceOption = Annotated[
@@ -170,11 +251,85 @@ class CameraOptions:
         return replace(Camera.from_exif(path), principal_point=self.principal_point)
 
 
-def _numbers(option: str, text: str, meaning: str, counts: tuple[int, ...]) -> list[float]:
+def chosen_light(
+    kind: LightKind, p0: float | None, q0: float | None, gain: float | None, falloff: bool | None, lamp: str | None
+) -> Light:
+    """The light that the options tell of.
+
+    Raises
+    ------
+    typer.BadParameter
+        When an option belongs to the other light, or a number is impossible.
+    """
+    offset = None if lamp is None else tuple(_numbers("--lamp", lamp, "three numbers, right,down,forward", (3,), ""))
+    keywords = _own(
+        "--light",
+        kind,
+        {
+            "parallel": {"--p0": ("p0", p0), "--q0": ("q0", q0)},
+            "flash": {"--gain": ("gain", gain), "--no-falloff": ("falloff", falloff), "--lamp": ("offset", offset)},
+        },
+    )
+    try:
+        return ParallelLight(**keywords) if kind == "parallel" else FlashLight(**keywords)
+    except InputError as error:
+        raise typer.BadParameter(str(error), param_hint="'--light'") from error
+
+
+def chosen_reflectance(
+    kind: ReflectanceKind,
+    roughness: float | None,
+    diffuse: float | None,
+    specular: float | None,
+    shininess: float | None,
+) -> Reflectance:
+    """The material that the options tell of.
+
+    Raises
+    ------
+    typer.BadParameter
+        When an option belongs to another material, one that is needed is missing, or a number is impossible.
+    """
+    keywords = _own(
+        "--reflectance",
+        kind,
+        {
+            "lambertian": {},
+            "oren-nayar": {"--roughness": ("roughness", roughness)},
+            "phong": {
+                "--diffuse": ("diffuse", diffuse),
+                "--specular": ("specular", specular),
+                "--shininess": ("shininess", shininess),
+            },
+        },
+    )
+    if kind == "oren-nayar" and roughness is None:
+        raise typer.BadParameter("oren-nayar needs it: 0 is smooth, 0.5 rough.", param_hint="'--roughness'")
+    try:
+        materials: dict[str, Callable[..., Reflectance]] = {
+            "lambertian": Lambertian,
+            "oren-nayar": OrenNayar,
+            "phong": Phong,
+        }
+        return materials[kind](**keywords)
+    except InputError as error:
+        raise typer.BadParameter(str(error), param_hint="'--reflectance'") from error
+
+
+def _own(option: str, choice: str, given: Mapping[str, Mapping[str, tuple[str, Any]]]) -> dict[str, Any]:
+    """Keywords and values of the options that go with a choice; those of other choices must not be given."""
+    for other, options in given.items():
+        for name, (_, value) in options.items():
+            if value is not None and other != choice:
+                raise typer.BadParameter(f"goes with {option} {other}, not {choice}: leave it out.", param_hint=name)
+    return {keyword: value for keyword, value in given[choice].values() if value is not None}
+
+
+def _numbers(option: str, text: str, meaning: str, counts: tuple[int, ...], unit: str = ", in pixels") -> list[float]:
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
-        raise typer.BadParameter(f"{text!r} is not {meaning}, in pixels.", param_hint=f"'{option}'")
+        raise typer.BadParameter(f"{text!r} is not {meaning}{unit}.", param_hint=f"'{option}'")
     return numbers

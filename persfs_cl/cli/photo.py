@@ -13,95 +13,89 @@ from numpy.typing import NDArray
 from persfs_cl.cli.options import CameraOptions
 from persfs_cl.domain import rim
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.grey import (
-    brightest_diffuse,
-    clip_highlights,
-    encode_srgb,
-    mean_filter,
-    normalise_grey,
-    normalise_linear,
-)
-from persfs_cl.images import Channel, Encoding, Photo, read_depth, read_mask, read_photo
+from persfs_cl.grey import encode_srgb
+from persfs_cl.images import Channel, Encoding, Photo, read_depth, read_light, read_mask, read_photo
+from persfs_cl.light import Light, ParallelLight
 from persfs_cl.metrics import Errors
+from persfs_cl.photograph import Highlights, Normalise, Preparation, PreparedPhoto, prepare_photo
 from persfs_cl.solution import Solution
 from persfs_cl.solver import reconstruct
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Normalise = Literal["linear", "grey", "none"]
 
 
 @dataclass(frozen=True)
 class Brightness:
-    """How a photo becomes E.
+    """How a photo becomes linear light and, for a parallel light, E.
 
     Attributes
     ----------
     channel, encoding
         As for :func:`persfs_cl.images.read_photo`.
-    clip_highlights : float or None
-        Percentile above which brightness is cut.
-    mean_filter : int
-        Side of the window in pixels; 1 is no filter.
-    normalise : {"linear", "grey", "none"}
-        Divide by the brightest value, stretch by eq. (2), or leave as it is.
+    ambient, vignetting, highlights, saturation, clip_highlights, mean_filter
+        As for :class:`persfs_cl.photograph.Preparation`, with files instead of arrays.
+    normalise : {"linear", "grey", "none"} or None
+        Divide by the brightest value, stretch by eq. (2), or leave as it is. None is "linear" for a parallel light;
+        for others nothing is normalised.
+    white_percentile : float or None
+        As for :meth:`persfs_cl.photograph.PreparedPhoto.normalised`.
     """
 
     channel: Channel = "luminance"
     encoding: Encoding = "auto"
+    ambient: float | Path = 0.0
+    vignetting: Literal["none", "cos4"] | Path = "none"
+    highlights: Highlights = "keep"
+    saturation: float | None = None
     clip_highlights: float | None = None
     mean_filter: int = 1
-    normalise: Normalise = "linear"
+    normalise: Normalise | None = None
+    white_percentile: float | None = None
 
-    def of(self, photo: Photo, mask: Mask) -> tuple[Array, Array, dict[str, Any]]:
-        """E of a photo, the photo itself on the scale of E, and what was done to it, for the report.
-
-        The second is neither clipped nor filtered; what is brighter than the white of E is white.
-
-        Parameters
-        ----------
-        photo : Photo
-        mask : ndarray of bool, shape (height, width)
-            Pixels that count, at least one.
+    def preparation(self, shape: tuple[int, int]) -> Preparation:
+        """The same with arrays of the photo's shape, read from the files.
 
         Raises
         ------
         InputError
-            When the brightness cannot be used.
+            When a file cannot be used, or a number is impossible.
         """
-        _require_shading(photo, mask)
-        image = photo.image
-        clipped = 0
-        # First, because the filter would spread a highlight over its neighbours.
-        if self.clip_highlights is not None:
-            image, highlights = clip_highlights(image, mask=mask, percentile=self.clip_highlights)
-            clipped = int(np.count_nonzero(highlights))
-        if self.mean_filter > 1:
-            image = mean_filter(image, self.mean_filter, mask)
+        files = {
+            name: read_light(file, shape, channel=self.channel, encoding=self.encoding)
+            for name, file in (("ambient", self.ambient), ("vignetting", self.vignetting))
+            if isinstance(file, Path)
+        }
+        numbers = {name: getattr(self, name) for name in Preparation.__dataclass_fields__}
+        return Preparation(**(numbers | files))
+
+    def of(self, prepared: PreparedPhoto, light: Light) -> tuple[Array, Array, dict[str, Any]]:
+        """The image to solve, the photo itself on the same scale, and what was done, for the report.
+
+        The second is less ambient light and without vignetting, but neither clipped nor filled nor filtered; where E is
+        1, what is brighter is 1.
+
+        Raises
+        ------
+        InputError
+            When there is no shading, or the light is no parallel one and a normalisation is asked for.
+        """
+        image, mask = prepared.light, prepared.mask
         if mask.sum() > 1 and np.ptp(image[mask]) == 0:
             raise InputError(
-                "the brightness is the same everywhere after --clip-highlights and --mean-filter: there is no shading "
-                "left to reconstruct from. Clip or smooth less."
+                "the brightness is the same everywhere after --clip-highlights and --mean-filter (and --ambient and "
+                "--highlights): there is no shading left to reconstruct from. Clip or smooth less."
             )
-        black, white = 0.0, 1.0
-        if self.normalise == "linear":
-            white = brightest_diffuse(image, mask=mask)
-            image = normalise_linear(image, mask=mask, brightest=white)
-        elif self.normalise == "grey":
-            black, white = float(image[mask].min()), float(image[mask].max())
-            image = normalise_grey(image, mask)
-        unfiltered = np.clip((photo.image - black) / (white - black), 0.0, 1.0)
-        return (
-            image,
-            unfiltered,
-            {
-                **asdict(self),
-                "encoding": photo.encoding,
-                "bits": photo.bits,
-                "clipped_pixels": clipped,
-                "white_pixels": int(np.count_nonzero(image[mask] >= 1.0)),
-            },
-        )
+        done = {"channel": self.channel, **prepared.report}
+        done |= {name: str(file) for name, file in vars(self).items() if isinstance(file, Path)}
+        if isinstance(light, ParallelLight):
+            normalised = prepared.normalised(self.normalise or "linear", percentile=self.white_percentile)
+            return normalised.image, normalised.unfiltered, {**done, **normalised.report}
+        if self.normalise not in (None, "none") or self.white_percentile is not None:
+            raise InputError(
+                "only a parallel light takes an image between 0 and 1: leave out --normalise and --white-percentile."
+            )
+        return image, prepared.unfiltered, {**done, "normalise": "none"}
 
 
 @dataclass(frozen=True)
@@ -112,20 +106,24 @@ class PhotoSolution:
     ----------
     solution : Solution
     photo : Photo
+    prepared : PreparedPhoto
+        With the maps of saturated pixels, highlights and others.
     unfiltered : ndarray of float64, shape (height, width)
-        The photo itself, on the scale of the prepared image E.
+        The photo itself, on the scale of the prepared image.
     report : mapping
         What the report says beside what it says of the solution.
     """
 
     solution: Solution
     photo: Photo
+    prepared: PreparedPhoto
     unfiltered: Array
     report: Mapping[str, Any]
 
     def photo_errors(self) -> Errors:
         """Difference between the re-rendered image and the photo itself, in grey levels, 0 to 255."""
-        return self.solution.grey_errors(self.unfiltered)
+        # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
+        return self.solution.grey_errors(np.minimum(self.unfiltered, self.solution.white))
 
     def save(self, folder: Path) -> list[Path]:
         """Write all results to a folder, or none.
@@ -141,13 +139,22 @@ class PhotoSolution:
             When a file cannot be written.
         """
         grey = self.photo_errors()
+        untouched = {"ambient": 0.0, "vignetting": "none"}.items() <= self.report["photo"].items()
+        itself = "the photo itself" if untouched else "the photo itself, less ambient light and vignetting"
         levels = {
-            "compared_with": "the photo itself, neither clipped nor filtered, where E is 1 as white",
+            "compared_with": f"{itself}, neither clipped nor filtered, with the white of the prepared image",
             "mean_error": grey.mean,
             "root_mean_square": grey.root_mean_square,
         }
         report = {**self.report, "grey_levels_photo": levels}
-        return self.solution.save(folder, colour=self.photo.colour, report=report, folder=True)
+        doubts = {
+            "darker than the ambient light": self.prepared.below_ambient,
+            "highlight, left out": self.prepared.masked,
+            "highlight, filled": self.prepared.filled,
+            "saturated": self.prepared.saturated,
+            "clipped": self.prepared.clipped,
+        }
+        return self.solution.save(folder, colour=self.photo.colour, report=report, doubts=doubts, folder=True)
 
 
 def solve_photo(
@@ -158,6 +165,7 @@ def solve_photo(
     mask: Path | None = None,
     walls: Path | None = None,
     known_depth: Path | None = None,
+    albedo: Path | None = None,
     **keywords: Any,
 ) -> PhotoSolution:
     """Read one photo and reconstruct it.
@@ -168,7 +176,7 @@ def solve_photo(
         The photo. Its transparent pixels are not solved.
     camera : CameraOptions
     brightness : Brightness
-    mask, walls, known_depth : Path, optional
+    mask, walls, known_depth, albedo : Path, optional
         Files of the photo's size.
     **keywords
         As for :func:`persfs_cl.reconstruct`.
@@ -184,27 +192,46 @@ def solve_photo(
     inside = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
     barriers = np.zeros(shape, bool) if walls is None else read_mask(walls, shape)
     depths = None if known_depth is None else read_depth(known_depth, shape)
+    shares = None if albedo is None else read_light(albedo, shape, channel=photo.channel, encoding=brightness.encoding)
+    preparation = brightness.preparation(shape)
     pinhole = camera.camera(path, shape)
     wanted = opaque & inside
-    known = rim(wanted) if depths is None else np.isfinite(depths)
+    light = keywords.get("light", ParallelLight())
+    assumed = depths is None and isinstance(light, ParallelLight)
+    known = rim(wanted) if assumed else np.zeros(shape, bool) if depths is None else np.isfinite(depths)
     if not (wanted & ~barriers).any():
         why = _why_empty({"transparent": ~opaque, f"outside {mask}": ~inside, f"in {walls}": barriers})
         raise InputError(f"{path}: {why}")
+    solvable = wanted
     try:
-        image, unfiltered, prepared = brightness.of(photo, wanted & ~barriers)
-        solution = reconstruct(image, pinhole, mask=wanted, walls=barriers, known_depth=depths, **keywords)
+        _require_shading(photo, wanted & ~barriers)
+        prepared = prepare_photo(photo, pinhole, preparation, mask=wanted & ~barriers)
+        image, unfiltered, done = brightness.of(prepared, light)
+        if prepared.masked.any():
+            solvable = wanted & ~prepared.masked
+            if assumed:
+                # The edge of a hole is no edge of the object.
+                depths = np.where(known, 1.0, np.nan)
+        solution = reconstruct(
+            image, pinhole, mask=solvable, walls=barriers, known_depth=depths, albedo=shares, **keywords
+        )
     except (InputError, CameraError) as error:
         raise type(error)(f"{path}: {error}") from error
-    files = {"path": path, "mask": mask, "walls": walls, "known_depth": known_depth}
+    files = {"path": path, "mask": mask, "walls": walls, "known_depth": known_depth, "albedo": albedo}
     report = {
-        "photo": prepared | {name: None if file is None else str(file) for name, file in files.items()},
+        "photo": {
+            **done,
+            "encoding": photo.encoding,
+            "bits": photo.bits,
+            **{name: None if file is None else str(file) for name, file in files.items()},
+        },
         "known": {
             "pixels": int(np.count_nonzero(known & ~barriers)),
-            "assumed": "z = 1 on the edge of the image or mask" if depths is None else None,
+            "assumed": "z = 1 on the edge of the image or mask" if assumed else None,
         },
         "requested": {**asdict(camera), "device": keywords.get("device")},
     }
-    return PhotoSolution(solution, photo, unfiltered, report)
+    return PhotoSolution(solution, photo, prepared, unfiltered, report)
 
 
 def _why_empty(left_out: Mapping[str, Mask]) -> str:

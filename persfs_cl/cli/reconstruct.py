@@ -2,34 +2,50 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from persfs_cl.cli.options import (
+    AlbedoOption,
     CameraOptions,
     DeviceOption,
+    DiffuseOption,
+    FalloffOption,
     FieldOfViewOption,
     FocalLengthOption,
+    GainOption,
+    LampOption,
     LightOption,
     P0Option,
     PrecisionOption,
     PrincipalPointOption,
     Q0Option,
+    ReflectanceOption,
+    RoughnessOption,
+    ShininessOption,
+    SpecularOption,
+    chosen_light,
+    chosen_reflectance,
     finite,
     positive,
 )
 from persfs_cl.cli.output import check_folder
-from persfs_cl.cli.photo import Brightness, Normalise, PhotoSolution, solve_photo
+from persfs_cl.cli.photo import Brightness, PhotoSolution, solve_photo
 from persfs_cl.cli.progress import INTERRUPTED, progress_line, stop_on_interrupt, writing
+from persfs_cl.errors import InputError
 from persfs_cl.images import Channel, Encoding
 from persfs_cl.light import ParallelLight
+from persfs_cl.models import Model
+from persfs_cl.photograph import Highlights, Normalise
 from persfs_cl.solution import Status
+from persfs_cl.solver import Options
 
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
-Scheme = Literal["auto", "lax-friedrichs"]
+Scheme = Literal["auto", "lax-friedrichs", "upwind"]
 Ordering = Literal["wavefront", "checkerboard", "lexicographic"]
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
@@ -47,6 +63,21 @@ def _percentile(value: float | None) -> float | None:
     return value
 
 
+def _ambient(text: str) -> float | Path:
+    try:
+        number = float(text)
+    except ValueError:
+        return Path(text)
+    if not (math.isfinite(number) and number >= 0):
+        raise typer.BadParameter(f"{text} is no brightness: give 0 or more, or a file.", param_hint="'--ambient'")
+    return number
+
+
+def _vignetting(text: str) -> Literal["none", "cos4"] | Path:
+    laws: dict[str, Literal["none", "cos4"]] = {"none": "none", "cos4": "cos4"}
+    return laws.get(text) or Path(text)
+
+
 def reconstruct(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A PNG, JPEG or TIFF file.")],
     output: Annotated[
@@ -59,8 +90,17 @@ def reconstruct(
     fov: FieldOfViewOption = None,
     principal_point: PrincipalPointOption = None,
     light: LightOption = "parallel",
-    p0: P0Option = 0.0,
-    q0: Q0Option = 0.0,
+    p0: P0Option = None,
+    q0: Q0Option = None,
+    gain: GainOption = None,
+    falloff: FalloffOption = None,
+    lamp: LampOption = None,
+    reflectance: ReflectanceOption = "lambertian",
+    roughness: RoughnessOption = None,
+    diffuse: DiffuseOption = None,
+    specular: SpecularOption = None,
+    shininess: ShininessOption = None,
+    albedo: AlbedoOption = None,
     channel: Annotated[
         Channel, typer.Option(help="What of a colour photo is used.", rich_help_panel=_PHOTO)
     ] = "luminance",
@@ -71,6 +111,42 @@ def reconstruct(
             rich_help_panel=_PHOTO,
         ),
     ] = "auto",
+    ambient: Annotated[
+        str,
+        typer.Option(
+            metavar="LEVEL|FILE",
+            help="Light that is there without the lamp, or black level, to subtract: a number as the file holds it "
+            "(0 to 255 with 8 bits), or a second photo without the lamp, or .npy of linear light.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "0",
+    vignetting: Annotated[
+        str,
+        typer.Option(
+            metavar="none|cos4|FILE",
+            help="Darkening of the lens away from the middle, to undo: cos4 of the angle to the optical axis, or a "
+            "photo of an evenly lit white plate, or .npy of linear light.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "none",
+    highlights: Annotated[
+        Highlights,
+        typer.Option(
+            help="Saturated pixels and shiny spots, and two pixels around them. mask: not solved, nothing crosses. "
+            "fill: smoothly, from around them.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "keep",
+    saturation: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LEVEL",
+            help="Number, as the file holds it, from which on a pixel is saturated; by default 98 % of the largest "
+            "that there can be, and in a file of floats none.",
+            callback=positive,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
     clip_highlights: Annotated[
         float | None,
         typer.Option(
@@ -92,13 +168,24 @@ def reconstruct(
         ),
     ] = 1,
     normalise: Annotated[
-        Normalise,
+        Normalise | None,
         typer.Option(
-            help="linear: divide by the brightest value (99.5th percentile), which keeps the shading equation exact. "
-            "grey: stretch from the darkest to the brightest, eq. (2) of the paper. none: the photo is E already.",
+            help="For a parallel light. linear, the default: divide by the brightest value (99.5th percentile), which "
+            "keeps the shading equation exact. grey: stretch from the darkest to the brightest, eq. (2) of the paper. "
+            "none: the photo is E already.",
             rich_help_panel=_PHOTO,
         ),
-    ] = "linear",
+    ] = None,
+    white_percentile: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENTILE",
+            help="The brightest value is this percentile, and what is brighter becomes 1; 99.5 with "
+            "--normalise linear, 100 with grey.",
+            callback=_percentile,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
     mask: Annotated[
         Path | None,
         typer.Option(
@@ -118,24 +205,46 @@ def reconstruct(
         typer.Option(
             metavar="FILE",
             help="Depths that are kept, .npy or .tiff, NaN where unknown, in any unit. "
-            "Without it the edge of the image or mask has depth 1.",
+            "Without it, under a parallel light, the edge of the image or mask has depth 1; a flash needs none.",
             rich_help_panel=_REGION,
         ),
     ] = None,
     surface: Annotated[
         Surface,
         typer.Option(
-            help="Whether the surface goes away from the camera, or comes toward it, from the known depths inwards.",
+            help="Whether the surface goes away from the camera, or comes toward it, from the known depths inwards. "
+            "Under a flash the photo itself tells.",
             rich_help_panel=_REGION,
         ),
     ] = "away",
     boundary: Annotated[
-        Boundary, typer.Option(help="On edges where no depth is known; auto: outflow.", rich_help_panel=_SOLVER)
+        Boundary,
+        typer.Option(
+            help="On edges where no depth is known; auto: outflow for lax-friedrichs under a parallel light, "
+            "else wall.",
+            rich_help_panel=_SOLVER,
+        ),
     ] = "auto",
-    scheme: Annotated[Scheme, typer.Option(rich_help_panel=_SOLVER)] = "auto",
+    scheme: Annotated[
+        Scheme,
+        typer.Option(
+            help="lax-friedrichs is the paper's, upwind sharper and faster. auto: the paper's under a parallel light, "
+            "upwind under a flash where the material permits it.",
+            rich_help_panel=_SOLVER,
+        ),
+    ] = "auto",
     ordering: Annotated[
         Ordering, typer.Option(help="Order of the pixels in a sweep.", rich_help_panel=_SOLVER)
     ] = "wavefront",
+    accuracy_order: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=2,
+            help="2: once converged, upwind is corrected to second order where the surface is smooth.",
+            rich_help_panel=_SOLVER,
+        ),
+    ] = 1,
     max_iterations: Annotated[int, typer.Option(min=1, help="Of four sweeps each.", rich_help_panel=_SOLVER)] = 2000,
     tolerance: Annotated[
         float,
@@ -147,22 +256,59 @@ def reconstruct(
         ),
     ] = 1e-5,
     max_slope: Annotated[
-        float,
+        float | None,
         typer.Option(
-            help="Bound on the slope where a pixel is too dark to set one.", callback=positive, rich_help_panel=_SOLVER
+            help="Bound on the slope where a pixel is too dark to set one; 30 by default, and 5 for upwind under a "
+            "parallel light.",
+            callback=positive,
+            rich_help_panel=_SOLVER,
         ),
-    ] = 30.0,
+    ] = None,
     device: DeviceOption = None,
     precision: PrecisionOption = "float32",
 ) -> None:
     """Reconstruct the surface that one photo shows.
 
     The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes depth.npy, depth.tiff,
-    mesh.ply, report.json and the pictures depth.png, normals.png, relief.png, rendered.png, comparison.png and
-    convergence.png.
+    mesh.ply, report.json and the pictures depth.png, normals.png, relief.png, rendered.png, comparison.png,
+    confidence.png and convergence.png.
     """
-    del light  # the only one yet
     camera = CameraOptions.parse(focal_length, fov, principal_point)
+    brightness = Brightness(
+        channel,
+        encoding,
+        _ambient(ambient),
+        _vignetting(vignetting),
+        highlights,
+        saturation,
+        clip_highlights,
+        mean_filter,
+        normalise,
+        white_percentile,
+    )
+    lit_by = chosen_light(light, p0, q0, gain, falloff, lamp)
+    material = chosen_reflectance(reflectance, roughness, diffuse, specular, shininess)
+    for option, value in (("'--normalise'", normalise), ("'--white-percentile'", white_percentile)):
+        if value not in (None, "none") and not isinstance(lit_by, ParallelLight):
+            raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)
+    if normalise == "none" and white_percentile is not None:
+        raise typer.BadParameter("nothing is normalised: leave it out.", param_hint="'--white-percentile'")
+    try:
+        model = Model.of(lit_by, material)
+        options = Options(
+            surface=surface,
+            boundary=boundary,
+            scheme=scheme,
+            ordering=ordering,
+            precision=precision,
+            accuracy_order=accuracy_order,
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+            max_slope=max_slope,
+        )
+        options.resolved(model, model.scheme(scheme))
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from error
     check_folder(output, overwrite=overwrite)
     with stop_on_interrupt() as interrupted, progress_line(tolerance, max_iterations) as show:
 
@@ -173,15 +319,18 @@ def reconstruct(
         result = solve_photo(
             photo,
             camera,
-            Brightness(channel, encoding, clip_highlights, mean_filter, normalise),
+            brightness,
             mask=mask,
             walls=walls,
             known_depth=known_depth,
-            light=ParallelLight(p0, q0),
+            albedo=albedo,
+            light=lit_by,
+            reflectance=material,
             surface=surface,
             boundary=boundary,
             scheme=scheme,
             ordering=ordering,
+            accuracy_order=accuracy_order,
             max_iterations=max_iterations,
             tolerance=tolerance,
             max_slope=max_slope,

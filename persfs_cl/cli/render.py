@@ -5,23 +5,36 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
 from persfs_cl.cli.options import (
+    AlbedoOption,
     CameraOptions,
     DeviceOption,
+    DiffuseOption,
+    FalloffOption,
     FieldOfViewOption,
     FocalLengthOption,
+    GainOption,
+    LampOption,
     LightOption,
     P0Option,
     PrecisionOption,
     PrincipalPointOption,
     Q0Option,
+    ReflectanceOption,
+    RoughnessOption,
+    ShininessOption,
+    SpecularOption,
+    chosen_light,
+    chosen_reflectance,
+    positive,
 )
 from persfs_cl.cli.output import check_file
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.forward import render as photograph
-from persfs_cl.images import read_depth, read_mask, write_grey
+from persfs_cl.images import read_depth, read_light, read_mask, write_grey
 from persfs_cl.light import ParallelLight
 
 Bits = Literal["8", "16"]
@@ -38,8 +51,17 @@ def render(
     fov: FieldOfViewOption = None,
     principal_point: PrincipalPointOption = None,
     light: LightOption = "parallel",
-    p0: P0Option = 0.0,
-    q0: Q0Option = 0.0,
+    p0: P0Option = None,
+    q0: Q0Option = None,
+    gain: GainOption = None,
+    falloff: FalloffOption = None,
+    lamp: LampOption = None,
+    reflectance: ReflectanceOption = "lambertian",
+    roughness: RoughnessOption = None,
+    diffuse: DiffuseOption = None,
+    specular: SpecularOption = None,
+    shininess: ShininessOption = None,
+    albedo: AlbedoOption = None,
     mask: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image, white where to render, or .npy of bool.")
     ] = None,
@@ -47,30 +69,53 @@ def render(
     encoding: Annotated[
         Literal["srgb", "linear"],
         typer.Option(
-            help="srgb is what viewers and 'reconstruct' expect; linear writes E times the white value.",
+            help="srgb is what viewers and 'reconstruct' expect; linear writes numbers in proportion to the light.",
             rich_help_panel=_IMAGE,
         ),
     ] = "srgb",
+    white: Annotated[
+        float | None,
+        typer.Option(
+            metavar="BRIGHTNESS",
+            help="What becomes white, and cuts what is brighter; 1 under a parallel light, under a flash the brightest "
+            "value by default.",
+            callback=positive,
+            rich_help_panel=_IMAGE,
+        ),
+    ] = None,
     device: DeviceOption = None,
     precision: PrecisionOption = "float32",
 ) -> None:
-    """Photograph a depth map: the forward model, eq. (6).
+    """Photograph a depth map: the forward model, eq. (6), and its kin for other lights and materials.
 
     Pixels without surface, and those turned away from the light, are black.
     """
-    del light  # the only one yet
+    lit_by = chosen_light(light, p0, q0, gain, falloff, lamp)
+    material = chosen_reflectance(reflectance, roughness, diffuse, specular, shininess)
     camera = CameraOptions.parse(focal_length, fov, principal_point)
     camera.require()
     check_file(output, (".png", ".tif", ".tiff"), overwrite=overwrite)
     values = read_depth(depth)
     shape = (values.shape[0], values.shape[1])
     inside = None if mask is None else read_mask(mask, shape)
+    shares = None if albedo is None else read_light(albedo, shape)
     pinhole = camera.camera(depth, shape)
     try:
         image = photograph(
-            values, pinhole, light=ParallelLight(p0, q0), mask=inside, device=device, precision=precision
+            values,
+            pinhole,
+            light=lit_by,
+            reflectance=material,
+            mask=inside,
+            albedo=shares,
+            device=device,
+            precision=precision,
         )
     except (InputError, CameraError) as error:
         raise type(error)(f"{depth}: {error}") from error
-    write_grey(output, image, 8 if bits == "8" else 16, encoding=encoding)
+    if white is None:
+        white = 1.0 if isinstance(lit_by, ParallelLight) else float(np.nanmax(image))
+    write_grey(output, image / white, 8 if bits == "8" else 16, encoding=encoding)
     typer.echo(output)
+    if not isinstance(lit_by, ParallelLight):
+        typer.echo(f"White is a brightness of {white:g}.", err=True)

@@ -1,0 +1,35 @@
+/* A third of a sweep: all cells of one colour, which is (row + column) modulo 3. With second-order differences a cell reads
+ * two neighbours on every side, none of which has its colour. Three launches visit every cell once.
+ *
+ * One work-item updates one cell: global size (width, height, images). In place.
+ */
+__kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
+                    __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+                    __global const uchar *flags,       /* same shape                                          */
+                    __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+                    __global const real *column_table, /* shape (images, 3, stride)                           */
+                    __global const real *row_table,    /* shape (images, 3, rows)                             */
+                    __global const float *changes,     /* see prelude                                         */
+                    const int iteration,               /* index into changes                                  */
+                    const float tolerance,             /* on max |dZ|                                         */
+                    const int images,                  /* of this run                                         */
+                    const int rows,                    /* stored rows, padding included                       */
+                    const int stride,                  /* stored columns, padding included                    */
+                    const int first_row,               /* of the image within its padding                     */
+                    const int first_column,            /* likewise                                            */
+                    const int height,                  /* pixels                                              */
+                    const int width,                   /* pixels                                              */
+                    const int colour)                  /* 0 to 2                                              */
+{
+    const int image = (int)get_global_id(2), row = (int)get_global_id(1), column = (int)get_global_id(0);
+    if (row >= height || column >= width || (row + column) % 3 != colour ||
+        finished(changes, iteration, image, images, tolerance))
+        return;
+    real numbers[PARAMETERS];
+    copy_parameters(numbers, parameters, image);
+    const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
+    const size_t cell = begin + (size_t)(first_row + row) * (size_t)stride + (size_t)(first_column + column);
+    update_cell(log_depth, brightness, flags, cell, stride, 0, 0,
+                axis_at(column_table + image * 3 * stride, stride, first_column + column),
+                axis_at(row_table + image * 3 * rows, rows, first_row + row), numbers);
+}

@@ -1,0 +1,121 @@
+"""The correction to second order, against exact scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import persfs_cl as ps
+
+SIZES = (51, 101, 201)
+BUMP_ERROR_401 = 1e-5
+
+
+def bump(size: int, light: ps.ParallelLight, surface: str) -> ps.Scene:
+    return ps.bump((size, size), light=light, surface=surface)  # type: ignore[arg-type]
+
+
+def hillside(size: int) -> ps.Scene:
+    return ps.hillside((size, size), light=ps.FlashLight(), surface="toward")
+
+
+def solved(scene: ps.Scene, device: ps.Device, **keywords: object) -> ps.Solution:
+    if isinstance(scene.light, ps.ParallelLight):
+        keywords = {"known_depth": scene.known_depth, "surface": scene.surface, "scheme": "upwind", **keywords}
+    options: dict[str, object] = {"accuracy_order": 2, "tolerance": 1e-6, "device": device, "throw": True, **keywords}
+    return ps.reconstruct(scene.image, scene.camera, light=scene.light, **options)  # type: ignore[arg-type]
+
+
+def error(scene: ps.Scene, solution: ps.Solution) -> float:
+    return ps.compare(solution.depth, scene.depth).mean
+
+
+def fitted_order(errors: list[float]) -> float:
+    return -float(np.polyfit(np.log(SIZES), np.log(errors), 1)[0])
+
+
+@pytest.mark.parametrize("surface", ["away", "toward"])
+@pytest.mark.parametrize("light", [ps.ParallelLight(), ps.ParallelLight(0.2, -0.1)], ids=["frontal", "oblique"])
+def test_order_under_a_parallel_light(device: ps.Device, light: ps.ParallelLight, surface: str) -> None:
+    scenes = [bump(size, light, surface) for size in SIZES]
+    errors = [error(scene, solved(scene, device)) for scene in scenes]
+    assert fitted_order(errors) >= 1.8
+    # From there to 401 pixels at the fitted order.
+    assert errors[-1] * (201 / 401) ** 1.8 <= BUMP_ERROR_401
+
+
+def test_mean_error_at_401_pixels(device: ps.Device) -> None:
+    scene = bump(401, ps.ParallelLight(), "away")
+    assert error(scene, solved(scene, device, tolerance=1e-5)) <= BUMP_ERROR_401
+
+
+def test_order_under_a_flash(device: ps.Device) -> None:
+    scenes = [hillside(size) for size in SIZES]
+    assert fitted_order([error(scene, solved(scene, device)) for scene in scenes]) >= 1.8
+
+
+@pytest.mark.parametrize("flash", [False, True], ids=["parallel", "flash"])
+def test_wavefront_gives_the_bits_of_lexicographic(device: ps.Device, precision: str, flash: bool) -> None:
+    scene = hillside(61) if flash else bump(61, ps.ParallelLight(0.2, -0.1), "toward")
+    one, other = (
+        solved(scene, device, ordering=ordering, precision=precision) for ordering in ("lexicographic", "wavefront")
+    )
+    np.testing.assert_array_equal(one.log_depth, other.log_depth)
+    np.testing.assert_array_equal(one.changes, other.changes)
+
+
+def test_three_colours_reach_the_same_surface(device: ps.Device) -> None:
+    scene = hillside(51)
+    one, other = (
+        solved(scene, device, ordering=ordering, tolerance=1e-7) for ordering in ("wavefront", "checkerboard")
+    )
+    assert other.parameters["sweep"] == "three_colours"
+    np.testing.assert_allclose(one.depth, other.depth, rtol=1e-5)
+
+
+def test_a_silhouette_is_left_no_worse(device: ps.Device) -> None:
+    scene = ps.vase()
+    first, second = (solved(scene, device, mask=scene.mask, accuracy_order=order, tolerance=1e-5) for order in (1, 2))
+    assert ps.compare(second.depth, scene.depth).mean <= ps.compare(first.depth, scene.depth).mean
+    assert second.iterations > first.iterations
+    np.testing.assert_array_equal(second.changes[: first.iterations], first.changes)
+
+
+def test_mirrored_and_transposed_images_give_such_surfaces(device: ps.Device) -> None:
+    scene = hillside(51)
+    plain = solved(scene, device).depth
+    turned = {"mirrored": lambda a: a[:, ::-1], "upside down": lambda a: a[::-1], "transposed": lambda a: a.T}
+    for turn in turned.values():
+        image = np.ascontiguousarray(turn(scene.image))
+        depth = ps.reconstruct(
+            image, scene.camera, light=scene.light, accuracy_order=2, tolerance=1e-6, device=device
+        ).depth
+        np.testing.assert_allclose(depth, turn(plain), rtol=1e-5)
+
+
+def test_images_of_a_batch_are_corrected_each_for_itself(device: ps.Device) -> None:
+    scene = hillside(41)
+    images = [scene.image, 0.7 * scene.image]
+    keywords = {"light": scene.light, "accuracy_order": 2, "device": device}
+    together = ps.reconstruct_batch(images, scene.camera, **keywords)  # type: ignore[arg-type]
+    for image, solution in zip(images, together, strict=True):
+        alone = ps.reconstruct(image, scene.camera, **keywords)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(solution.depth, alone.depth)
+        assert solution.iterations == alone.iterations
+
+
+def test_a_run_ended_at_first_order_is_not_corrected(device: ps.Device) -> None:
+    scene = hillside(41)
+    keywords = {"light": scene.light, "device": device, "max_iterations": 1}
+    first, second = (
+        ps.reconstruct(scene.image, scene.camera, accuracy_order=order, **keywords)  # type: ignore[arg-type]
+        for order in (1, 2)
+    )
+    assert second.status is ps.Status.MAX_ITERATIONS
+    np.testing.assert_array_equal(first.depth, second.depth)
+
+
+def test_lax_friedrichs_has_no_second_order() -> None:
+    scene = bump(21, ps.ParallelLight(), "away")
+    with pytest.raises(ps.InputError, match="only the upwind scheme"):
+        ps.reconstruct(scene.image, scene.camera, known_depth=scene.known_depth, accuracy_order=2)
