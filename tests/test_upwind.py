@@ -185,3 +185,8 @@ def test_batch_gives_the_numbers_of_one_by_one() -> None:
 def test_the_boundaries_of_lax_friedrichs_are_refused(boundary: str) -> None:
     with pytest.raises(ps.InputError, match=rf"boundary='{boundary}' with scheme='upwind'.*boundary='wall'"):
         solve(ps.bump((20, 20)), boundary=boundary)
+
+
+def test_a_light_that_some_pixels_look_into_is_refused() -> None:
+    with pytest.raises(ps.InputError, match="look into the light"):
+        ps.reconstruct(BUMP, ps.Camera(33.0), light=ps.ParallelLight(2.5, 0.0), scheme="upwind")
