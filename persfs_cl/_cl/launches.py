@@ -13,7 +13,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.layout import ALIGNMENT, Layout
 from persfs_cl._cl.program import program
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 from persfs_cl.errors import DeviceError
@@ -602,7 +602,8 @@ def _upload(device: Device, values: NDArray[Any]) -> cl.Buffer:
     """
     host = np.ascontiguousarray(values)
     # A processor works on the array itself, which the buffer keeps alive: no second one to allocate and fill.
-    place = cl.mem_flags.USE_HOST_PTR if device.kind == "cpu" and host.flags.writeable else cl.mem_flags.COPY_HOST_PTR
+    in_place = device.kind == "cpu" and host.flags.writeable and host.ctypes.data % ALIGNMENT == 0
+    place = cl.mem_flags.USE_HOST_PTR if in_place else cl.mem_flags.COPY_HOST_PTR
     try:
         return cl.Buffer(device.context, cl.mem_flags.READ_WRITE | place, hostbuf=host)
     except (cl.MemoryError, cl.LogicError) as error:

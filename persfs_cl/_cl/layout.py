@@ -10,6 +10,16 @@ from numpy.typing import NDArray
 
 from persfs_cl.domain import NONE
 
+ALIGNMENT = 64
+"""Bytes: vectors of an array that begins at a multiple of this do not lie across cache lines."""
+
+
+def aligned(size: int) -> NDArray[np.uint8]:
+    """So many bytes, not set to anything, in an array that begins at a multiple of :data:`ALIGNMENT`."""
+    room = np.empty(size + ALIGNMENT, np.uint8)
+    begin = -room.ctypes.data % ALIGNMENT
+    return room[begin : begin + size]
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -63,7 +73,8 @@ class Layout:
 
     def store(self, image: NDArray[Any], fill: float, kind: np.dtype[Any]) -> NDArray[Any]:
         """The stored array of an image, `fill` in the padding."""
-        stored = np.full((self.rows, self.stride), fill, dtype=kind)
+        stored = aligned(self.size * kind.itemsize).view(kind).reshape(self.rows, self.stride)
+        stored[:] = fill
         lines = stored[self.first_row : self.first_row + self.height]
         if self.apart:
             # Two strided copies are many times faster than one by an array of column numbers.
