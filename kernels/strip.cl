@@ -18,6 +18,7 @@
 #define APART 32 /* from the progress of one strip to that of the next: not in one cache line, nor in a pair of them */
 #define AHEAD 24 /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
 #define LEAD 8   /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
+#define EVERY 4  /* so many blocks are told of at a time: a processor that tells must wait for its stores to be done */
 
 /* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
 static inline __attribute__((always_inline)) void transpose(number *vectors)
@@ -115,8 +116,36 @@ static inline int blocks_of(const int width)
     return (width + STRIP_ROWS - 1 + 7) / 8;
 }
 
+/* Says how many blocks of a strip are done, after the stores of these. */
+static inline void publish(__global volatile int *progress, const int blocks)
+{
+    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    atomic_xchg(progress, blocks);
+}
+
+/* How many blocks of a strip are done, once that is as many as `wanted`, or has been looked at so often in vain: while the
+ * number grows, the wait is not in vain.
+ */
+static inline int wait_for(__global volatile int *progress, const int wanted, const int patience)
+{
+    int done = atomic_add(progress, 0);
+    for (int polls = 0; done < wanted && polls < patience; ++polls) {
+        const int now = atomic_add(progress, 0);
+        polls = now > done ? 0 : polls;
+        done = now;
+    }
+    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    return done;
+}
+
+/* The time that a strip takes, about, in POLLS; a few hundred microseconds at least. */
+static inline int patience_for(const int width)
+{
+    return POLLS + POLLS / 256 * blocks_of(width);
+}
+
 /* Runs a strip from `first_block` on, as far as the strip before it allows: 1 is returned when the strip is done, 0 when
- * it has been waited for in vain, POLLS times. All that a strip carries from block to block can be read from memory, so
+ * the one before has been waited for in vain. All that a strip carries from block to block can be read from memory, so
  * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
  * `done_before` of them before this sweep.
  *
@@ -159,15 +188,12 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     for (int block = first_block; block < blocks; ++block) {
         const int needed = block + STRIP_ROWS / 8 + 1;
         if (ahead < done_before + min(needed, blocks)) {
-            const int wanted = done_before + min(needed + LEAD, blocks);
-            for (int polls = 0; ahead < wanted; ++polls) {
-                if (polls == POLLS)
-                    return 0;
-                ahead = atomic_add(progress - APART, 0);
+            ahead = wait_for(progress - APART, done_before + min(needed + LEAD, blocks), patience_for(width));
+            if (ahead < done_before + min(needed, blocks)) {
+                publish(progress, done_before + block);
+                return 0;
             }
         }
-        if (!alone)
-            mem_fence(CLK_GLOBAL_MEM_FENCE);
         number right[BANDS][8], shading[BANDS][8];
         integer signs = 0;
         __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
@@ -186,6 +212,11 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
             number all;
             real step[8];
         } above, below;
+        if (!alone) {
+            /* Rows that another group may have in its cache. */
+            PREFETCH(log_depth + cell - row_step + AHEAD * column_step);
+            PREFETCH(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + AHEAD * column_step);
+        }
         above.all = LOAD(log_depth + cell - row_step + low);
         below.all = LOAD(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
         if (RIM_CELLS && any_sign(signs)) {
@@ -218,10 +249,8 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
         }
         cell += 8 * column_step;
         table -= 8;
-        if (!alone) {
-            mem_fence(CLK_GLOBAL_MEM_FENCE); /* the stores above come before the word that they are done */
-            atomic_xchg(progress, done_before + block + 1);
-        }
+        if (!alone && (block % EVERY == EVERY - 1 || block == blocks - 1))
+            publish(progress, done_before + block + 1);
     }
     return 1;
 }

@@ -215,6 +215,7 @@ def assert_vectors_give_the_bits_of_cells(problem: Problem, device: Device, prec
     [
         *[(tuning, "frontal away") for tuning in (*WAVEFRONTS[:8:3], *IMAGES[2:4], *OTHERS)],
         *[(tuning, name) for tuning in (WAVEFRONTS[0], IMAGES[5]) for name in ("upwind frontal away", "upwind flash")],
+        (STRIPS[9], "upwind frontal away"),
     ],
     ids=str,
 )

@@ -351,10 +351,8 @@ class Sweeper:
                     images = range(begin, min(begin + together, self.count))
                     self._row = 1
                     for _ in range(iterations):
-                        for number in range(4):
-                            event = self.sweep(number, images)
-                            first = first or event
-                            self.renew_boundary(images)
+                        event = self._sweep_in_turn(images)
+                        first = first or event
                         last = self.measure(images)
             changes = self._changes_host
             cl.enqueue_copy(self._device.queue, changes, self._changes)
@@ -365,8 +363,19 @@ class Sweeper:
         self._row = 0
         return rows.astype(np.float64)
 
-    def sweep(self, number: int, images: range | None = None) -> Any:
-        """Queue one sweep; not for the variant "wavefront_images", which runs whole iterations.
+    def _sweep_in_turn(self, images: range) -> Any:
+        """Queue the four sweeps of an iteration; of strips in one launch, where no boundary is renewed in between."""
+        if self.tuning.variant == "wavefront_strips" and not self._has_boundary:
+            return self.sweep(0, count=4)
+        first = None
+        for number in range(4):
+            event = self.sweep(number, images)
+            first = first or event
+            self.renew_boundary(images)
+        return first
+
+    def sweep(self, number: int, images: range | None = None, *, count: int = 1) -> Any:
+        """Queue a sweep; not for the variant "wavefront_images", which runs whole iterations.
 
         Parameters
         ----------
@@ -374,6 +383,8 @@ class Sweeper:
             0 to 3: the direction, see :data:`DIRECTIONS`; the checkerboard begins with red and black in turn.
         images : range, optional
             Which; all when not given. "wavefront_strips" takes all.
+        count : int
+            So many sweeps in turn, up to number 3, by one launch of "wavefront_strips".
         """
         if not self._row:
             self._begin(1)
@@ -397,8 +408,8 @@ class Sweeper:
             )
         elif tuning.variant == "wavefront_strips":
             groups = (tuning.work_groups,)
-            run = (self._sync_buffer, self._sweeps)
-            event = self._sweep(queue, groups, (1,), *common, *image, *DIRECTIONS[number], *run)
+            run = (number, count, self._sync_buffer, self._sweeps)
+            event = self._sweep(queue, groups, (1,), *common, *image, *run)
         else:
             high, wide = tuning.definitions["TILE_ROWS"], tuning.definitions["TILE_COLUMNS"]
             tile_rows, tile_columns = -(-layout.height // high), -(-layout.width // wide)
@@ -410,7 +421,7 @@ class Sweeper:
                 items = (tiles * high, len(chosen))
                 launched = self._sweep(queue, items, (high, 1), *common, *image, *tile, global_offset=(0, chosen.start))
                 event = event or launched
-        self._sweeps += 1
+        self._sweeps += count
         return event
 
     def renew_boundary(self, images: range | None = None) -> None:
