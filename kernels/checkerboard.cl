@@ -9,6 +9,21 @@
  */
 #define GAP (LANES > 4 ? LANES : 4) /* columns at the end of each half that are never written */
 
+/* No neighbour comes before the others here: a scheme that has directions looks in all four. */
+static inline number value_from_all_sides(const number brightness, const number here, const number left,
+                                          const number right, const number up, const number down, const real to_p, const real to_q,
+                                          const axis x, const axis y, const real *parameters)
+{
+#if DIRECTED
+    return least(least(inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters),
+                       inner_value(brightness, here, right, left, up, down, -to_p, to_q, x, y, parameters)),
+                 least(inner_value(brightness, here, left, right, down, up, to_p, -to_q, x, y, parameters),
+                       inner_value(brightness, here, right, left, down, up, -to_p, -to_q, x, y, parameters)));
+#else
+    return inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters);
+#endif
+}
+
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
                     __global const uchar *flags,       /* same shape                                          */

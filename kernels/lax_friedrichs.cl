@@ -14,6 +14,7 @@
  * these two: N is the last thing to be known.
  */
 #define RIM_CELLS 1 /* cells with a neighbour missing are marked, and treated apart */
+#define DIRECTED 0  /* a cell looks at all its neighbours, whatever the direction of the sweep */
 
 static inline number candidate(const number brightness,
                                const number p,     /* dZ/dx, also where W is solved for */
@@ -91,12 +92,4 @@ static inline number rim_value(const number brightness, const integer flags, con
     const number lowest_y = least(no_up != 0 ? none : up, no_down != 0 ? none : down);
     const number highest = least(lowest_x + parameters[STEP_X], lowest_y + parameters[STEP_Y]);
     return highest < value ? highest : value;
-}
-
-/* Where the order of the cells has no direction. */
-static inline number value_from_all_sides(const number brightness, const number here, const number left,
-                                          const number right, const number up, const number down, const real to_p, const real to_q,
-                                          const axis x, const axis y, const real *parameters)
-{
-    return inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters);
 }

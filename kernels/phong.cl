@@ -4,9 +4,7 @@
 #define SPECULAR 1  /* ks */
 #define SHININESS 2 /* m  */
 
-/* A power of a cosine, of 0 where that is below. The least base is not 0: with it PoCL's pow of eight doubles at once goes
- * astray, in all of them.
- */
+/* A power of a cosine, of 0 where that is below; the logarithm in it wants a normal number above 0. */
 static inline number lobe(const number cosine, const real exponent)
 {
     return power(most(cosine, (number)1e-30f), exponent);

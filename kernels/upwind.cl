@@ -12,6 +12,7 @@
  * Like the paper's candidate it is bounded by the steepest slope, which matters where the conic is unbounded.
  */
 #define RIM_CELLS 0
+#define DIRECTED 1 /* a cell looks only at the two neighbours before it in the sweep */
 
 /* `to_p` and `to_q` as in lax_friedrichs.cl: their signs say where left and up lie, and whether Z or -Z is solved for. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
@@ -56,15 +57,4 @@ static inline number inner_value(const number brightness, const number here, con
     const number triangle = left + climb;
     const number accepted = worst > (number)0 ? triangle : (number)NOWHERE;
     return least(accepted, edge);
-}
-
-/* Where the order of the cells has no direction: all four triangles. */
-static inline number value_from_all_sides(const number brightness, const number here, const number left,
-                                          const number right, const number up, const number down, const real to_p, const real to_q,
-                                          const axis x, const axis y, const real *parameters)
-{
-    return least(least(inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters),
-                       inner_value(brightness, here, right, left, up, down, -to_p, to_q, x, y, parameters)),
-                 least(inner_value(brightness, here, left, right, down, up, to_p, -to_q, x, y, parameters),
-                       inner_value(brightness, here, right, left, down, up, -to_p, -to_q, x, y, parameters)));
 }

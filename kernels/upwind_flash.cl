@@ -12,6 +12,7 @@
  * one, so that the limit is that of the full scheme. The other three triangles have their turn in the other three sweeps.
  */
 #define RIM_CELLS 0
+#define DIRECTED 1 /* a cell looks only at the two neighbours before it in the sweep */
 #define LAMBERTIAN_STEPS 5
 
 /* t^2 at which the material has dimmed by so much; in ln(1 + t^2), of which all materials make nearly a straight line. */
@@ -100,15 +101,4 @@ static inline number inner_value(const number brightness, const number here, con
 
     const number highest = least(left + parameters[STEP_X], up + parameters[STEP_Y]);
     return least(highest, least(triangle, edge));
-}
-
-/* Where the order of the cells has no direction: all four triangles. */
-static inline number value_from_all_sides(const number brightness, const number here, const number left,
-                                          const number right, const number up, const number down, const real to_p, const real to_q,
-                                          const axis x, const axis y, const real *parameters)
-{
-    return least(least(inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters),
-                       inner_value(brightness, here, right, left, up, down, -to_p, to_q, x, y, parameters)),
-                 least(inner_value(brightness, here, left, right, down, up, to_p, -to_q, x, y, parameters),
-                       inner_value(brightness, here, right, left, down, up, -to_p, -to_q, x, y, parameters)));
 }

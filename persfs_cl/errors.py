@@ -28,6 +28,10 @@ class KernelBuildError(PersfsError):
     """A kernel did not compile; the message holds the compiler's log with file names and lines."""
 
 
+class UnavailableError(PersfsError):
+    """Something optional cannot be had here; the message says why, and what would bring it."""
+
+
 class ConvergenceError(PersfsError):
     """The iteration ended before the tolerance was met, and ``throw=True`` was given.
 

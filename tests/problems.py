@@ -11,7 +11,6 @@ from persfs_cl._cl.launches import Sweeper, Tuning
 from persfs_cl.light import Light
 from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
-from persfs_cl.reference import Reference
 from persfs_cl.reflectance import Reflectance
 
 OBLIQUE = ParallelLight(0.3, -0.2)
@@ -85,21 +84,4 @@ def sweeper(
         linear=linear,
         tolerance=tolerance,
         tuning=tuning,
-    )
-
-
-def reference(problem: Problem, *, linear: bool = False) -> Reference:
-    """The problem in NumPy."""
-    return Reference(
-        log_depth=problem.start.copy(),
-        brightness=problem.shading,
-        flags=problem.domain.flags,
-        boundary=problem.domain.boundary,
-        grid=problem.grid,
-        light=problem.model.light,
-        reflectance=problem.model.reflectance,
-        scheme=problem.scheme,
-        sign=problem.sign,
-        max_slope=problem.max_slope,
-        linear=linear,
     )

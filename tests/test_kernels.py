@@ -7,10 +7,11 @@ import functools
 import numpy as np
 import pyopencl as cl
 import pytest
-from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, reference, sweeper
+from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, sweeper
 
 from persfs_cl import Device, DeviceError, ParallelLight
 from persfs_cl._cl.launches import DIRECTIONS, Sweeper, Tuning
+from persfs_cl.bench.peers import twin
 from persfs_cl.problem import Problem
 from persfs_cl.reference import ParallelEquation
 
@@ -32,11 +33,11 @@ def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str
 @functools.cache
 def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarray]:
     """Values after each; the twin takes its time."""
-    twin = reference(random_problem(7, shape, boundary="wall", **SETUPS[name]))
+    judge = twin(random_problem(7, shape, boundary="wall", **SETUPS[name]))
     values = []
     for direction in DIRECTIONS:
-        twin.sweep(*direction)
-        values.append(twin.log_depth.copy())
+        judge.sweep(*direction)
+        values.append(judge.log_depth.copy())
     return values
 
 
@@ -59,12 +60,12 @@ def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, s
 
 @functools.cache
 def two_sweeps_of_the_coloured_twin(name: str) -> list[np.ndarray]:
-    twin = reference(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
+    judge = twin(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
     values = []
     for number in range(2):
-        twin.sweep_colour(number)
-        twin.sweep_colour(1 - number)
-        values.append(twin.log_depth.copy())
+        judge.sweep_colour(number)
+        judge.sweep_colour(1 - number)
+        values.append(judge.log_depth.copy())
     return values
 
 
@@ -83,10 +84,10 @@ def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None
     problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
     kernel = sweeper(problem, device, "float64", "wavefront")
     assert kernel.run(100)[-1] <= 1e-13
-    twin = reference(problem)
-    twin.log_depth = kernel.log_depth()[0].astype(np.float64)
+    judge = twin(problem)
+    judge.log_depth = kernel.log_depth()[0].astype(np.float64)
     rows, columns = np.nonzero(problem.domain.solved)
-    found = [twin.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
+    found = [judge.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
     least = np.fmin.reduce([*found, problem.start[rows, columns]])
     assert_close(kernel.log_depth()[0][rows, columns], least, "float64")
 
@@ -100,24 +101,24 @@ def test_boundary_renewal_equals_the_twin(
     values = np.random.default_rng(5).uniform(0.0, 1.0, shape)
     values.ravel()[problem.domain.boundary.cells] += 1.0
     linear = boundary == "extrapolate"
-    twin, kernel = reference(problem, linear=linear), None
-    twin.log_depth = values.copy()
+    judge, kernel = twin(problem, linear=linear), None
+    judge.log_depth = values.copy()
     object.__setattr__(problem, "start", values)
     kernel = sweeper(problem, device, precision, "wavefront", linear=linear)
     kernel.renew_boundary()
-    twin.renew_boundary()
-    assert_close(kernel.log_depth()[0], twin.log_depth, precision)
+    judge.renew_boundary()
+    assert_close(kernel.log_depth()[0], judge.log_depth, precision)
     if len(problem.domain.boundary.cells):
-        assert (twin.log_depth != values).any()
+        assert (judge.log_depth != values).any()
 
 
 @pytest.mark.parametrize("ordering", ["lexicographic", "wavefront"])
 def test_iterations_equal_the_twin(device: Device, precision: str, ordering: str) -> None:
     problem = random_problem(2, (28, 35), light=OBLIQUE)
-    twin, kernel = reference(problem), sweeper(problem, device, precision, ordering)
+    judge, kernel = twin(problem), sweeper(problem, device, precision, ordering)
     for _ in range(12):
-        change, expected = float(kernel.run(1)[0, 0]), twin.iterate()
-    assert_close(kernel.log_depth()[0], twin.log_depth, precision)
+        change, expected = float(kernel.run(1)[0, 0]), judge.iterate()
+    assert_close(kernel.log_depth()[0], judge.log_depth, precision)
     assert change == pytest.approx(expected, rel=1e-2 if precision == "float32" else 1e-6)
 
 
@@ -284,8 +285,9 @@ def test_strips_handed_back_are_taken_up_again(device: Device, precision: str, w
 def test_work_left_undone_is_an_error(device: Device) -> None:
     strips = Tuning("wavefront_strips", lanes=8, bands=1, work_groups=2)
     kernel = sweeper(random_problem(1, (40, 40)), device, "float32", "wavefront", tuning=strips)
-    kernel._sync[1:] = 7
-    cl.enqueue_copy(device.queue, kernel._sync_buffer, kernel._sync)
+    wrong = np.full(kernel._sync_buffer.size // 4, 7, np.int32)
+    wrong[0] = 0
+    cl.enqueue_copy(device.queue, kernel._sync_buffer, wrong)
     with pytest.raises(DeviceError, match="left strips of the image undone"):
         kernel.run(1)
 

@@ -260,9 +260,9 @@ class Sweeper:
 
         sweeping = program(device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
         stored = self._stack([layout.store(grid.log_depth, grid.outside, self._real) for grid in grids])
-        self._log_depth = self._upload(stored.copy())
-        self._previous = self._upload(stored)
-        del stored
+        self._log_depth = self._upload(stored)
+        self._previous = self._buffer(stored.nbytes)
+        cl.enqueue_copy(device.queue, self._previous, self._log_depth)
         numbers = self._stack([_numbers(grid.parameters) for grid in grids])
         reversed_too = self.tuning.in_strips
         columns = self._stack([layout.column_table(grid.x_axis, reversed_too=reversed_too) for grid in grids])
@@ -283,8 +283,7 @@ class Sweeper:
         integer, single = np.int32, np.float32
         begin: list[Any] = [None] * 7 + [integer, single, integer]
         if self.tuning.variant == "wavefront_images":
-            self._sync = np.zeros(1, np.int32)
-            self._sync_buffer = self._upload(self._sync.copy())
+            self._sync_buffer = self._upload(np.zeros(1, np.int32))
             self._iterate = cl.Kernel(sweeping, "iterate")
             self._iterate.set_scalar_arg_dtypes([*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single])
             return
@@ -299,8 +298,8 @@ class Sweeper:
         scalars = begin + [integer] * integers[self.tuning.variant]
         if self.tuning.variant == "wavefront_strips":
             strips = -(-height // (8 * self.tuning.bands))
-            self._sync = np.zeros(1 + (1 + _APART) * self.count * strips, np.int32)
-            self._sync_buffer = self._upload(self._sync.copy())
+            self._strips = self.count * strips
+            self._sync_buffer = self._upload(np.zeros(1 + (1 + _APART) * self._strips, np.int32))
             scalars += [None, integer]
         self._sweep.set_scalar_arg_dtypes(scalars)
 
@@ -467,10 +466,18 @@ class Sweeper:
 
     def log_depth(self) -> NDArray[np.floating]:
         """A copy of the values as they are now, shape (images, height, width)."""
-        stored = np.empty((self.count, self._layout.rows, self._layout.stride), self._real)
-        cl.enqueue_copy(self._device.queue, stored, self._log_depth)
+        layout, queue = self._layout, self._device.queue
         self._check_strips()
-        return np.stack([self._layout.take(values) for values in stored])
+        shape = (self.count, layout.rows, layout.stride)
+        # What lies in the host's memory already is not copied by this.
+        stored, _ = cl.enqueue_map_buffer(queue, self._log_depth, cl.map_flags.READ, 0, shape, self._real)
+        try:
+            values = np.empty((self.count, layout.height, layout.width), self._real)
+            for image, taken in zip(stored, values, strict=True):
+                layout.take(image, taken)
+        finally:
+            stored.base.release(queue)
+        return values
 
     def _begin(self, iterations: int) -> None:
         """Clear the record of changes; its row 0 says which images rest."""
@@ -514,7 +521,7 @@ class Sweeper:
     def _check_strips(self) -> None:
         if self.tuning.variant != "wavefront_strips":
             return
-        claims = self._sync[1 : 1 + len(self._sync) // (1 + _APART)]
+        claims = np.empty(self._strips, np.int32)
         cl.enqueue_copy(self._device.queue, claims, self._sync_buffer, src_offset=claims.itemsize)
         if (claims != self._sweeps).any():
             raise DeviceError(

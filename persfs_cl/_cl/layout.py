@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,23 +77,25 @@ class Layout:
         stored = aligned(self.size * kind.itemsize).view(kind).reshape(self.rows, self.stride)
         stored[:] = fill
         lines = stored[self.first_row : self.first_row + self.height]
-        if self.apart:
-            # Two strided copies are many times faster than one by an array of column numbers.
-            half = self.stride // 2
-            for parity in (0, 1):
-                begin = self.first_column // 2 + parity * half
-                columns = image[:, parity::2]
-                lines[:, begin : begin + columns.shape[1]] = columns
-        else:
-            lines[:, self.first_column : self.first_column + self.width] = image
+        for part, columns in self._parts(lines):
+            part[:] = image[:, columns]
         return stored
 
-    def take(self, stored: NDArray[Any]) -> NDArray[Any]:
-        """The image within a stored array."""
+    def take(self, stored: NDArray[Any], image: NDArray[Any]) -> None:
+        """Copy what `store` has stored into an image."""
         lines = stored[self.first_row : self.first_row + self.height]
+        for part, columns in self._parts(lines):
+            image[:, columns] = part
+
+    def _parts(self, lines: NDArray[Any]) -> Iterator[tuple[NDArray[Any], slice]]:
+        """Stretches of stored columns, and the columns of the image that they hold."""
         if not self.apart:
-            return lines[:, self.first_column : self.first_column + self.width]
-        return lines[:, self._columns]
+            yield lines[:, self.first_column : self.first_column + self.width], slice(None)
+            return
+        # Two strided copies are many times faster than one by an array of column numbers.
+        for parity in (0, 1):
+            begin = self.first_column // 2 + parity * (self.stride // 2)
+            yield lines[:, begin : begin + (self.width + 1 - parity) // 2], slice(parity, None, 2)
 
     def cells(self, pixels: NDArray[np.integer]) -> NDArray[np.int32]:
         """Stored indices of flat pixel indices; :data:`persfs_cl.domain.NONE` stays."""

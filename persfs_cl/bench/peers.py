@@ -19,17 +19,13 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.launches import DIRECTIONS, Grid
 from persfs_cl.bench import lexicographic
-from persfs_cl.errors import PersfsError
+from persfs_cl.errors import UnavailableError
 from persfs_cl.problem import Problem
 from persfs_cl.reference import Reference
 
 _SOURCE = Path(__file__).with_name("lexicographic.c")
 # Without contraction, which some compilers do unasked on some processors, the bits are those of the kernels.
 _FLAGS = ("-O3", "-ffp-contract=off", "-shared", "-fPIC")
-
-
-class UnavailableError(PersfsError):
-    """A yardstick cannot be had here; the message says why, and what would bring it."""
 
 
 @dataclass
@@ -100,7 +96,13 @@ def numba_loop(grid: Grid, precision: str) -> Peer:
 
 def numpy_diagonals(problem: Problem) -> Peer:
     """The twin in NumPy, float64, one anti-diagonal at a time."""
-    twin = Reference(
+    judge = twin(problem)
+    return Peer(judge.log_depth, lambda number: judge.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64")
+
+
+def twin(problem: Problem, *, linear: bool = False) -> Reference:
+    """The problem in plain NumPy, from its start values; `linear` as for :class:`persfs_cl._cl.launches.Sweeper`."""
+    return Reference(
         log_depth=problem.start.copy(),
         brightness=problem.shading,
         flags=problem.domain.flags,
@@ -111,8 +113,8 @@ def numpy_diagonals(problem: Problem) -> Peer:
         scheme=problem.scheme,
         sign=problem.sign,
         max_slope=problem.max_slope,
+        linear=linear,
     )
-    return Peer(twin.log_depth, lambda number: twin.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64")
 
 
 def _arrays(grid: Grid, precision: str) -> list[NDArray[np.floating]]:
