@@ -55,7 +55,7 @@ static inline number exponential(const number a)
 {
     const number bounded = least(LARGEST_EXPONENT, most(-LARGEST_EXPONENT, a));
     const number rounding = bounded < (number)0 ? (number)-0.5f : (number)0.5f;
-    const integer n = convert_integer(bounded / LN_2 + rounding);
+    const integer n = convert_integer(bounded * ((number)1 / LN_2) + rounding);
     const number whole = convert_number(n);
     const number r = multiply_subtract_from(multiply_subtract_from(bounded, whole, LN_2_HIGH), whole, LN_2_LOW);
 #if USE_DOUBLE

@@ -1,5 +1,5 @@
 /* Lambertian material under a light at the camera: c = cos theta. */
-#define NEWTON_STEPS LAMBERTIAN_STEPS /* of the upwind scheme */
+#define NEWTON_STEPS 0 /* to the steepness at which it dims so much: a formula has it exactly */
 
 /* -ln c from t^2, t = tan theta. */
 static inline number dimming(const number square, const real *material)

@@ -1,5 +1,5 @@
 /* Rough matt material by Oren and Nayar under a light at the camera: c = A cos theta + B sin^2 theta. */
-#define NEWTON_STEPS 10 /* of the upwind scheme */
+#define NEWTON_STEPS 10 /* to the steepness at which it dims so much */
 #define DIRECT 0 /* A */
 #define RIM 1    /* B */
 

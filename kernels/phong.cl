@@ -1,5 +1,5 @@
 /* Phong's material under a light at the camera: c = kd cos theta + ks max(cos 2 theta, 0)^m. */
-#define NEWTON_STEPS 14 /* of the upwind scheme */
+#define NEWTON_STEPS 14 /* to the steepness at which it dims so much */
 #define DIFFUSE 0   /* kd */
 #define SPECULAR 1  /* ks */
 #define SHININESS 2 /* m  */

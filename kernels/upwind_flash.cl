@@ -13,14 +13,17 @@
  */
 #define RIM_CELLS 0
 #define DIRECTED 1 /* a cell looks only at the two neighbours before it in the sweep */
-#define LAMBERTIAN_STEPS 5
+#ifndef ONLY_LOWER
+#define ONLY_LOWER 1 /* values only fall, except by the correction to second order */
+#endif
+#define MEETING_STEPS (ONLY_LOWER ? 2 : 5) /* of Newton, for the value of a cell */
 
 /* t^2 at which the material has dimmed by so much; in ln(1 + t^2), of which all materials make nearly a straight line. */
 static inline number square_of(const number dimmed, const number highest, const real *material)
 {
     number low = 0, high = logarithm((number)1 + highest);
     number stretch = least(high, (number)2 * dimmed); /* exact for a Lambertian material */
-#if NEWTON_STEPS > LAMBERTIAN_STEPS
+#if NEWTON_STEPS > 0
     for (int step = 0; step < NEWTON_STEPS; ++step) {
         const number square = exponential(stretch) - (number)1;
         const number excess = dimming(square, material) - dimmed;
@@ -33,31 +36,59 @@ static inline number square_of(const number dimmed, const number highest, const 
     return exponential(stretch) - (number)1;
 }
 
-/* Where U = base + l and D meet, with l^2 = offset + slope t^2: the value there. `square` is a guess of t^2.
+/* The values where D meets U = base + l, with l^2 = offset + slope t^2, for an edge and a triangle. `square` is the t^2 at
+ * which D is `here`.
  *
- * In l the equation 2 U + ln F + dimming = 0 is smooth, and rises at least with 2, which gives the bracket. Newton starts
- * no lower than where a Lambertian material's curve has its turning point, from which it cannot go astray.
+ * In l the equation 2 U + ln F + dimming = 0 is smooth. The larger of U and D is at least the true value at any l, and
+ * lower than the present one between the l at which D is that and the l at which U is. Where values only fall the place is
+ * looked for there, so that no value but the true one can stay, and the closer Z is to its limit the closer the two are.
+ * Where Newton leads astray it begins again at the turning point of a Lambertian material's curve, from which it seldom
+ * does, and later in the middle. Where values may rise it begins there, or later.
+ *
+ * Both at once, since each step waits for the one before: one hides the other's latency.
  */
-static inline number meet(const number base, const number offset, const number slope, const number square,
-                          const number shade, const real *material)
+#define BOTH __attribute__((opencl_unroll_hint(2))) for (int k = 0; k < 2; ++k)
+
+static inline void meet(const number *base, const number *offset, const number *slope, const number here,
+                        const number square, const number shade, const real *material, number *found)
 {
-    const number per_slope = (number)1 / slope;
-    const number guess = root(most(multiply_add(slope, square, offset), (number)0));
-    number low = 0;
-    number high = low - (number)0.5f * (multiply_add((number)2, base + low, shade) +
-                                        dimming(-offset * per_slope, material));
-    number length = most(low, least(high, most(guess, root(slope - offset))));
-    for (int step = 0; step < NEWTON_STEPS; ++step) {
-        const number steepness = most((number)0, multiply_add(length, length, -offset) * per_slope);
-        const number excess = multiply_add((number)2, base + length, shade) + dimming(steepness, material);
-        high = excess > (number)0 ? length : high;
-        low = excess > (number)0 ? low : length;
-        const number rise = (number)2 + (number)2 * length * per_slope * dimming_rate(steepness, material);
-        const number next = length - excess / rise;
-        length = next >= low ? (next <= high ? next : (number)0.5f * (low + high)) : (number)0.5f * (low + high);
+    number per_slope[2], low[2], high[2], length[2], fallback[2];
+    BOTH {
+        per_slope[k] = (number)1 / slope[k];
+        const number guess = root(most(multiply_add(slope[k], square, offset[k]), (number)0));
+        const number turning_point = root(slope[k] - offset[k]);
+#if ONLY_LOWER
+        low[k] = guess;
+        high[k] = most(low[k], here - base[k]);
+        length[k] = guess;
+        fallback[k] = most(low[k], least(high[k], turning_point));
+#else
+        low[k] = 0;
+        high[k] = (number)(-0.5f) * (multiply_add((number)2, base[k], shade) +
+                                     dimming(-offset[k] * per_slope[k], material));
+        length[k] = most(low[k], least(high[k], most(guess, turning_point)));
+        fallback[k] = (number)0.5f * (low[k] + high[k]);
+#endif
+        found[k] = NOWHERE;
     }
-    const number steepness = most((number)0, multiply_add(length, length, -offset) * per_slope);
-    return most(base + length, (number)(-0.5f) * (shade + dimming(steepness, material)));
+    for (int step = 0; step <= MEETING_STEPS; ++step)
+        BOTH {
+            const number steepness = most((number)0, multiply_add(length[k], length[k], -offset[k]) * per_slope[k]);
+            const number climbed = base[k] + length[k];
+            const number excess = multiply_add((number)2, climbed, shade) + dimming(steepness, material);
+            /* Written so that a NaN stays one. */
+            const number highest = climbed + most((number)0, (number)(-0.5f) * excess);
+            found[k] = highest > found[k] ? found[k] : highest;
+            if (step == MEETING_STEPS)
+                continue;
+            const number rise =
+                (number)2 + (number)2 * length[k] * per_slope[k] * dimming_rate(steepness, material);
+            const number next = length[k] - excess / rise;
+            high[k] = excess > (number)0 ? length[k] : high[k];
+            low[k] = excess > (number)0 ? low[k] : length[k];
+            length[k] = next >= low[k] ? (next <= high[k] ? next : fallback[k]) : fallback[k];
+            fallback[k] = (number)0.5f * (low[k] + high[k]);
+        }
 }
 
 /* `to_p` and `to_q` as in upwind.cl. */
@@ -82,7 +113,6 @@ static inline number inner_value(const number brightness, const number here, con
     const number climb_x = dx * root(square_y) * inverse_ray, climb_y = dy * root(square_x) * inverse_ray;
     const number edge_x = multiply_add(climb_x, t, from_left), edge_y = multiply_add(climb_y, t, from_up);
     const number start = edge_x < edge_y ? from_left : from_up, climb = edge_x < edge_y ? climb_x : climb_y;
-    const number edge = meet(start, (number)0, climb * climb, square, shade, material);
 
     const number xx = square_x * (scale_x * scale_x), yy = square_y * (scale_y * scale_y);
     const number xy = here_x * here_y * (scale_x * scale_y);
@@ -90,15 +120,17 @@ static inline number inner_value(const number brightness, const number here, con
     const number inverse_bend = (number)1 / (column_x + column_y);
     const number base = multiply_add(step, column_y * inverse_bend, from_left);
     const number width = step * (scale_x * scale_y) * inverse_bend;
-    const number offset = -(ray * width) * width, slope = inverse_bend * inverse_ray;
-    const number found = meet(base, offset, slope, square, shade, material);
-    const number climb_left = found - from_left, climb_up = found - from_up;
+    const number bases[2] = {start, base}, offsets[2] = {(number)0, -(ray * width) * width};
+    const number slopes_of_both[2] = {climb * climb, inverse_bend * inverse_ray};
+    number found[2];
+    meet(bases, offsets, slopes_of_both, here, square, shade, material, found);
+    const number climb_left = found[1] - from_left, climb_up = found[1] - from_up;
     const number normal_x = multiply_add(xx, climb_left, xy * climb_up);
     const number normal_y = multiply_add(xy, climb_left, yy * climb_up);
     const number both_there = (number)(0.5f * NOWHERE) - magnitude(step);
     const number accepted = least(least(normal_x, normal_y), both_there);
-    const number triangle = accepted > (number)0 ? found : (number)NOWHERE;
+    const number triangle = accepted > (number)0 ? found[1] : (number)NOWHERE;
 
     const number highest = least(left + parameters[STEP_X], up + parameters[STEP_Y]);
-    return least(highest, least(triangle, edge));
+    return least(highest, least(triangle, found[0]));
 }

@@ -9,13 +9,13 @@ from persfs_cl import reference
 from persfs_cl._cl import launches
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl.camera import Camera
-from persfs_cl.domain import SWEPT, missing_neighbours
+from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.problem import require_albedo
 from persfs_cl.reflectance import Lambertian, Reflectance
-from persfs_cl.surface import log_depth_gradient
+from persfs_cl.surface import Cuts, log_depth_gradient
 
 
 def render(
@@ -26,6 +26,7 @@ def render(
     reflectance: Reflectance = Lambertian(),
     mask: ArrayLike | None = None,
     albedo: ArrayLike | None = None,
+    cuts: Cuts | None = None,
     device: int | str | Device | None = None,
     precision: str = "float32",
 ) -> NDArray[np.float64]:
@@ -43,6 +44,8 @@ def render(
         Pixels to render; derivatives do not look across its edge.
     albedo : array_like of float, shape (height, width), optional
         Share of light in (0, 1] that the surface returns, by which the image is multiplied; 1 when not given.
+    cuts : Cuts, optional
+        Where the surface is interrupted between pixels, as :attr:`Solution.cuts`; derivatives do not look across.
     device : optional
         As for :func:`reconstruct`.
     precision : {"float32", "float64"}
@@ -56,13 +59,13 @@ def render(
     Raises
     ------
     InputError
-        When the depth is not a positive 2-D array, or the mask or the albedo does not fit it.
+        When the depth is not a positive 2-D array, or the mask, the albedo or the cuts do not fit it.
     DeviceError
         When the device does not exist or lacks the precision.
 
     Notes
     -----
-    Derivatives of ln z are central differences, one-sided beside the edge of the surface.
+    Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
     """
     model = Model.of(light, reflectance)
     if not isinstance(camera, Camera):
@@ -92,11 +95,13 @@ def render(
     if (lowest := float(values[present].min())) <= 0:
         raise InputError(f"depth goes down to {lowest:g}: depths are distances along the optical axis and positive.")
     reflecting = None if albedo is None else require_albedo(albedo, present)
+    if cuts is not None:
+        cuts.check(values.shape)
     grid = camera.grid((values.shape[0], values.shape[1]))
     if isinstance(light, FlashLight) and not light.coaxial:
         # Not a kernel: done once an image, in double precision, by the formula that reconstruct() itself uses.
         surface = np.where(present, values, np.nan)
-        p, q = log_depth_gradient(surface, camera)
+        p, q = log_depth_gradient(surface, camera, cuts)
         lit = reference.brightness(np.log(surface), p, q, grid.x, grid.y, light, reflectance)
         return lit if reflecting is None else lit * reflecting
     log_depth = np.log(np.where(present, values, 1.0))
@@ -104,6 +109,11 @@ def render(
     level = float(np.median(log_depth[present]))
     log_depth -= level
     flags = missing_neighbours(present) | present * np.uint8(SWEPT)
+    if cuts is not None:
+        flags[:, :-1][cuts.right] |= NO_RIGHT
+        flags[:, 1:][cuts.right] |= NO_LEFT
+        flags[:-1][cuts.down] |= NO_DOWN
+        flags[1:][cuts.down] |= NO_UP
     image = launches.render(
         select_device(device),
         model.kernels,

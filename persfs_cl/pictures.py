@@ -132,6 +132,7 @@ def relief_picture(
     title: str = "Surface",
     *,
     unit: str = UNIT,
+    cuts: surface.Cuts | None = None,
 ) -> None:
     """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
 
@@ -150,11 +151,13 @@ def relief_picture(
     title : str
     unit : str
         Unit of the depth, for the note on the scale.
+    cuts : Cuts, optional
+        Where the surface is interrupted; no facet is drawn across.
 
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map or is NaN everywhere, or when ``image`` has another shape.
+        When ``depth`` is not a depth map or is NaN everywhere, or when ``image`` or ``cuts`` has another shape.
     """
     surface_points = surface.points(depth, camera)
     _require_finite("depth", surface_points)
@@ -168,12 +171,15 @@ def relief_picture(
     step = 1 + max(np.ptp(rows), np.ptp(columns)) // _RELIEF_SAMPLES
     sampled = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
     whole = _corners(finite[sampled]).all(axis=2)
+    if cuts is not None:
+        cuts.check(shape)
+        whole &= ~_interrupted(cuts, sampled)
 
     def facets_of(values: Array) -> Array:
         return _corners(values[sampled])[whole] if whole.any() else values[finite][:, None]
 
     facets = facets_of(surface_points)
-    colours = [_clay(facets_of(surface.normals(depth, camera)).mean(axis=1))]
+    colours = [_clay(facets_of(surface.normals(depth, camera, cuts)).mean(axis=1))]
     if grey is not None:
         colours.insert(0, facets_of(np.nan_to_num(grey).clip(0.0, 1.0)).mean(axis=1).repeat(3).reshape(-1, 3))
 
@@ -438,6 +444,15 @@ def _show(
 def _corners(samples: NDArray[Any]) -> NDArray[Any]:
     """Values at the corners of every square of samples, counter-clockwise: (rows, columns, 4, ...)."""
     return np.stack([samples[:-1, :-1], samples[1:, :-1], samples[1:, 1:], samples[:-1, 1:]], axis=2)
+
+
+def _interrupted(cuts: surface.Cuts, sampled: tuple[slice, slice]) -> NDArray[np.bool_]:
+    """Squares of samples with a cut anywhere along one of their four sides."""
+    # Cuts before each pixel of its row or column: between two samples there are some where the numbers differ.
+    along_rows = np.pad(np.cumsum(cuts.right, axis=1), ((0, 0), (1, 0)))[sampled]
+    along_columns = np.pad(np.cumsum(cuts.down, axis=0), ((1, 0), (0, 0)))[sampled]
+    across, downwards = np.diff(along_rows, axis=1) > 0, np.diff(along_columns, axis=0) > 0
+    return np.asarray(across[:-1] | across[1:] | downwards[:, :-1] | downwards[:, 1:])
 
 
 def _clay(towards_camera: Array) -> Array:

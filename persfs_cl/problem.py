@@ -15,6 +15,8 @@ from persfs_cl.errors import InputError
 from persfs_cl.light import ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.reflectance import Lambertian
+from persfs_cl.surface import Cuts
+from persfs_cl.walls import fill_walls
 
 _LARGEST = 700.0
 """|ln z| beyond which z is no longer a float64."""
@@ -38,6 +40,8 @@ class Problem:
     camera : Camera
     known_depth : ndarray of float64, shape (height, width)
         NaN where unknown.
+    walls : ndarray of bool, shape (height, width), or None
+        Pixels of walls that belong to the surface: inside the mask, or of known depth. None where no walls are given.
     start : ndarray of float64, shape (height, width)
         First values of W, less `level`: known values, and above them all the start value.
     shading : ndarray of float64, shape (height, width)
@@ -65,6 +69,7 @@ class Problem:
     image: NDArray[np.float64]
     camera: Camera
     known_depth: NDArray[np.float64]
+    walls: NDArray[np.bool_] | None
     start: NDArray[np.float64]
     shading: NDArray[np.float64]
     highest_known: float
@@ -127,6 +132,15 @@ class Problem:
         depth[known] = self.known_depth[known]
         log_depth[known] = np.log(depth[known])
         return log_depth, depth
+
+    def continue_onto_walls(self, log_depth: NDArray[np.float64], depth: NDArray[np.float64]) -> Cuts | None:
+        """Give walls a log depth and a depth, in place, and say where they cut the surface; None without walls."""
+        if self.walls is None:
+            return None
+        known = self.known_depth[self.walls]
+        cuts = fill_walls(log_depth, self.walls, self.image, np.log(known))
+        depth[self.walls] = np.where(np.isfinite(known), known, np.exp(log_depth[self.walls]))
+        return cuts
 
     @property
     def degenerate(self) -> NDArray[np.bool_]:
@@ -198,7 +212,9 @@ def prepare(
             "left to solve: give known_depth."
         )
     layout = domain.lay_out(wanted, np.isfinite(depths), barriers, boundary, needs_known=not model.falls_off)
-    reflecting = None if albedo is None else require_albedo(albedo, layout.known | layout.solved)
+    on_walls = None if walls is None else barriers & (wanted | np.isfinite(depths))
+    used = layout.known | layout.solved
+    reflecting = None if albedo is None else require_albedo(albedo, used if on_walls is None else used | on_walls)
     given = photograph if reflecting is None else photograph / reflecting
     name = "image" if reflecting is None else "image / albedo"
     _require_shading(given, layout.solved, model, model.brightest(grid), name)
@@ -228,6 +244,7 @@ def prepare(
         image=given,
         camera=camera,
         known_depth=depths,
+        walls=on_walls,
         start=start,
         shading=shading,
         highest_known=highest_known,
@@ -247,7 +264,7 @@ def _log_of_ray(grid: PixelGrid, model: Model, scheme: str) -> NDArray[np.float6
     if model.at_camera and not model.falls_off:
         return np.asarray(0.5 * np.log1p(grid.x**2 + grid.y**2))
     light = model.light
-    if scheme != "upwind" or not isinstance(light, ParallelLight):
+    if scheme != "upwind" or not isinstance(light, ParallelLight) or light.p0 == light.q0 == 0.0:
         return 0.0
     facing = 1.0 + light.p0 * grid.x + light.q0 * grid.y
     if facing.min() <= 0.0:

@@ -91,6 +91,12 @@ class Solution:
         The remaining keywords, with "auto" resolved.
     albedo : ndarray of float64, shape (height, width), or None
         As given; 1 where there is no surface.
+    walls : ndarray of bool, shape (height, width), or None
+        Pixels on walls that the surface may have: inside the mask, or of known depth. They are solved where a side had
+        a depth within `REACH <persfs_cl.walls.REACH>` pixels, from which it is continued. None where none were given.
+    cuts : Cuts or None
+        Where the walls interrupt the surface: between each of their pixels and the neighbours on other sides. Normals,
+        mesh and the surface photographed again do not look across. None where no walls were given.
     """
 
     depth: Array
@@ -109,17 +115,19 @@ class Solution:
     reflectance: Reflectance
     parameters: Mapping[str, Any]
     albedo: Array | None = field(default=None, repr=False)
+    walls: Mask | None = field(default=None, repr=False)
+    cuts: surface.Cuts | None = field(default=None, repr=False)
 
     def normals(self) -> Array:
         """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved."""
-        return surface.normals(self.depth, self.camera)
+        return surface.normals(self.depth, self.camera, self.cuts)
 
     def points(self) -> Array:
         """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved."""
         return surface.points(self.depth, self.camera)
 
     def mesh(self, colour: NDArray[np.uint8] | None = None) -> trimesh.Trimesh:
-        """Triangle mesh, with no faces across unsolved pixels.
+        """Triangle mesh, with no faces across unsolved pixels or cuts.
 
         Parameters
         ----------
@@ -128,14 +136,15 @@ class Solution:
         """
         if colour is None:
             colour = images.to_display(np.nan_to_num(self.image / self.white))
-        return surface.mesh(self.depth, self.camera, colour)
+        return surface.mesh(self.depth, self.camera, colour, self.cuts)
 
     @property
     def white(self) -> float:
         """Brightness that is drawn white and counts 255 grey levels: 1, or under a flash the image's brightest."""
         if isinstance(self.light, ParallelLight):
             return 1.0
-        return float(self.image[self.solved].max()) if self.solved.any() else 1.0
+        used = self.solved if self.walls is None else self.solved & ~self.walls
+        return float(self.image[used].max()) if used.any() else 1.0
 
     def render(self) -> Array:
         """The surface photographed again under its own light, eq. (6); NaN where not solved."""
@@ -145,6 +154,7 @@ class Solution:
             light=self.light,
             reflectance=self.reflectance,
             albedo=self.albedo,
+            cuts=self.cuts,
             device=self.device,
         )
 
@@ -169,7 +179,7 @@ class Solution:
         doubts : mapping of str to ndarray of bool, shape (height, width), optional
             Further pixels whose brightness does not tell of the slope, by the reason: shadows, highlights and the like.
             In :attr:`Confidence.doubts <persfs_cl.confidence.Confidence.doubts>` they come after those that the solver
-            knows of: "unreached" and "clamped".
+            knows of: "unreached", "clamped" and, where walls were given, "on a wall".
 
         Returns
         -------
@@ -193,9 +203,10 @@ class Solution:
             to_light = np.asarray(self.light.offset) - self.points()
         to_light = to_light / np.linalg.norm(to_light, axis=-1, keepdims=True)
         cosine = (self.normals() * to_light).sum(axis=-1)
-        return Confidence(
-            slope_error(cosine, self.reflectance), {"unreached": self.unreached, "clamped": self.clamped, **given}
-        )
+        own = {"unreached": self.unreached, "clamped": self.clamped}
+        if self.walls is not None:
+            own["on a wall"] = self.walls
+        return Confidence(slope_error(cosine, self.reflectance), {**own, **given})
 
     def report(self, doubts: Doubts | None = None) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON.
@@ -217,6 +228,8 @@ class Solution:
                 "solved": int(self.solved.sum()),
                 "unreached": int(self.unreached.sum()),
                 "clamped": int(self.clamped.sum()),
+                "walls": 0 if self.walls is None else int(self.walls.sum()),
+                "walls_solved": 0 if self.walls is None else int((self.walls & self.solved).sum()),
             },
             "depth": {
                 "min": float(np.nanmin(self.depth)),
@@ -337,7 +350,7 @@ class Solution:
     def _draw(self, folder: Path, doubts: Doubts | None) -> list[Path]:
         rendered, image = self.render() / self.white, self.image / self.white
         pictures.normals_picture(folder / "normals.png", self.normals())
-        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, image, unit=self._unit)
+        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, image, unit=self._unit, cuts=self.cuts)
         images.write_grey(folder / "rendered.png", rendered)
         pictures.comparison_picture(folder / "comparison.png", image, rendered, photo_title="Prepared photograph")
         confidence = self.confidence(doubts)

@@ -38,7 +38,7 @@ _MAX_SLOPE = 30.0
 _MAX_SLOPE_UPWIND = 5.0
 
 _FREE_CORRECTIONS = 40
-"""Iterations of second order in which values may rise."""
+"""Iterations of second order in which values may rise, at least."""
 
 _QUEUE_SECONDS = 0.03
 """Iterations are queued so many at a time as take about this long: few waits, and Ctrl-C is still heard at once."""
@@ -87,7 +87,8 @@ def reconstruct(
     mask : array_like of bool, shape (height, width), optional
         True where the surface is to be solved; everywhere when not given.
     walls : array_like of bool, shape (height, width), optional
-        True where the surface may jump: nothing propagates across these pixels, and they get no depth.
+        True where the surface may jump: nothing propagates across these pixels. After the solve each gets its depth
+        from the side that it belongs to, see :attr:`Solution.cuts`.
     known_depth : array_like of float, shape (height, width), optional
         Depths z > 0 that are kept exactly, NaN where unknown; inside the mask or beside it. When not given, with a
         parallel light the edge of the image or mask has z = 1 (the paper's zero boundary conditions); with a flash
@@ -112,7 +113,8 @@ def reconstruct(
         eq. (12) the limit may differ a little, and with "extrapolate" much.
     accuracy_order : int
         1: both schemes are of first order. 2: the upwind scheme, once converged, is corrected to second order where the
-        surface is smooth, and stays as it is beside ridges, edges and silhouettes. Some more iterations, each slower.
+        surface is smooth, and stays as it is beside ridges, edges and silhouettes. Some more iterations, each slower;
+        many more, and a less exact result, with the checkerboard.
     max_iterations : int
         Iterations of four sweeps at most; with a lamp beside the camera in each round.
     tolerance : float
@@ -285,6 +287,7 @@ def reconstruct_batch(
             problem.depth(values, converged=status is Status.CONVERGED)
             for problem, values, status in zip(problems, run.values, run.statuses, strict=True)
         ]
+        cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
         elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
@@ -311,6 +314,8 @@ def reconstruct_batch(
                     **({"lamp_rounds": rounds[place]} if rounds else {}),
                 },
                 albedo=problem.albedo,
+                walls=problem.walls,
+                cuts=cuts[place],
             )
         began = time.perf_counter()
     finished = [solution for solution in solutions if solution is not None]
@@ -463,8 +468,9 @@ class _Run:
         done = max(map(len, self.changes))
         most = options.max_iterations
         if corrected is not None and not only_lower:
-            # Where the surface is smooth this is ample; what still changes is decided one way or the other.
-            most = min(most, done + _FREE_CORRECTIONS)
+            # Where the surface is smooth this is ample; what still changes is decided one way or the other. An ordering
+            # that took long to carry the values across the image takes as long to carry their corrections.
+            most = min(most, done + max(_FREE_CORRECTIONS, 2 * done))
         if not places or done >= most:
             for place in places:
                 self.statuses[place] = Status.MAX_ITERATIONS

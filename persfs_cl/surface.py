@@ -6,6 +6,7 @@ depth is NaN are not part of the surface.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,38 @@ if TYPE_CHECKING:
     import trimesh
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """Where a surface is interrupted between neighbouring pixels, as by a jump of the depth.
+
+    Attributes
+    ----------
+    right : ndarray of bool, shape (height, width - 1)
+        True between a pixel and the next one to the right.
+    down : ndarray of bool, shape (height - 1, width)
+        True between a pixel and the next one below.
+    """
+
+    right: NDArray[np.bool_]
+    down: NDArray[np.bool_]
+
+    @classmethod
+    def none(cls, shape: tuple[int, ...]) -> Cuts:
+        """No cut yet in an image of a shape (height, width)."""
+        height, width = shape
+        return cls(np.zeros((height, width - 1), dtype=bool), np.zeros((height - 1, width), dtype=bool))
+
+    def check(self, shape: tuple[int, ...]) -> None:
+        """Raise InputError when these are not cuts of an image of a shape (height, width)."""
+        height, width = shape
+        for name, cut, size in (("right", self.right, (height, width - 1)), ("down", self.down, (height - 1, width))):
+            if cut.dtype != bool or cut.shape != size:
+                raise InputError(
+                    f"cuts.{name} is {cut.dtype} of shape {cut.shape}: give bool of shape {size}, for a depth of shape "
+                    f"{(height, width)}."
+                )
 
 
 def depth_array(depth: ArrayLike) -> Array:
@@ -75,10 +108,10 @@ def points(depth: ArrayLike, camera: Camera) -> Array:
     return np.stack([z * grid.x, z * grid.y, z], axis=-1)
 
 
-def log_depth_gradient(depth: ArrayLike, camera: Camera) -> tuple[Array, Array]:
+def log_depth_gradient(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> tuple[Array, Array]:
     """Slopes p = dZ/dx and q = dZ/dy of the log depth Z = ln z in normalised image coordinates.
 
-    Central differences; one-sided where one neighbour is NaN or outside the image; 0 along an axis on
+    Central differences; one-sided where one neighbour is NaN, outside the image or beyond a cut; 0 along an axis on
     which a pixel has no neighbour.
 
     Parameters
@@ -86,6 +119,8 @@ def log_depth_gradient(depth: ArrayLike, camera: Camera) -> tuple[Array, Array]:
     depth : array_like, shape (height, width)
         Depth along the optical axis, > 0; NaN where there is no surface.
     camera : Camera
+    cuts : Cuts, optional
+        Where the surface is interrupted; nowhere but at NaN when not given.
 
     Returns
     -------
@@ -95,24 +130,29 @@ def log_depth_gradient(depth: ArrayLike, camera: Camera) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map, see `depth_array`.
+        When ``depth`` is not a depth map, see `depth_array`, or the cuts have another shape.
     """
     log_depth = np.log(depth_array(depth))
     height, width = log_depth.shape
     grid = camera.grid((height, width))
-    return _slope(log_depth, grid.dx), _slope(log_depth.T, grid.dy).T
+    if cuts is None:
+        return _slope(log_depth, grid.dx), _slope(log_depth.T, grid.dy).T
+    cuts.check(log_depth.shape)
+    return _slope(log_depth, grid.dx, cuts.right), _slope(log_depth.T, grid.dy, cuts.down.T).T
 
 
-def _slope(values: Array, spacing: float) -> Array:
+def _slope(values: Array, spacing: float, cut: NDArray[np.bool_] | None = None) -> Array:
     """Along rows, the mean of backward and forward difference, or whichever of the two exists."""
     steps = np.diff(values, prepend=np.nan, append=np.nan)
+    if cut is not None:
+        steps[:, 1:-1][cut] = np.nan
     backward, forward = steps[:, :-1], steps[:, 1:]
     existing = np.isfinite(backward).astype(np.float64) + np.isfinite(forward)
     slope = (np.nan_to_num(backward) + np.nan_to_num(forward)) / (spacing * np.maximum(existing, 1.0))
     return np.where(np.isnan(values), np.nan, slope)
 
 
-def normals(depth: ArrayLike, camera: Camera) -> Array:
+def normals(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> Array:
     """Unit normal of every pixel, pointing to the camera: (p, q, -w) / S, with w = 1 + x p + y q, eq. (3).
 
     Parameters
@@ -120,6 +160,8 @@ def normals(depth: ArrayLike, camera: Camera) -> Array:
     depth : array_like, shape (height, width)
         Depth along the optical axis, > 0; NaN where there is no surface.
     camera : Camera
+    cuts : Cuts, optional
+        As in `log_depth_gradient`.
 
     Returns
     -------
@@ -130,19 +172,21 @@ def normals(depth: ArrayLike, camera: Camera) -> Array:
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map, see `depth_array`.
+        When ``depth`` is not a depth map, see `depth_array`, or the cuts have another shape.
     """
-    p, q = log_depth_gradient(depth, camera)
+    p, q = log_depth_gradient(depth, camera, cuts)
     height, width = p.shape
     grid = camera.grid((height, width))
     towards_camera = np.stack([p, q, -(1.0 + grid.x * p + grid.y * q)], axis=-1)
     return np.asarray(towards_camera / np.linalg.norm(towards_camera, axis=-1, keepdims=True))
 
 
-def mesh(depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None) -> trimesh.Trimesh:
+def mesh(
+    depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None, cuts: Cuts | None = None
+) -> trimesh.Trimesh:
     """Triangle mesh through the surface points of the finite pixels.
 
-    Four finite pixels of a square make two triangles, three make one; no face spans a NaN pixel. A
+    Four finite pixels of a square make two triangles, three make one; no face spans a NaN pixel or a cut. A
     pixel with no such square (all of them in an image one pixel wide) is a vertex without a face.
 
     Parameters
@@ -152,6 +196,9 @@ def mesh(depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None) -> t
     camera : Camera
     colour : array_like of uint8, shape (height, width, 3) or (height, width), optional
         RGB or grey colour of every pixel.
+    cuts : Cuts, optional
+        Where the surface is interrupted: no triangle has an edge across, neither along a row or column nor along a
+        diagonal, whose ends must be joined by way of the triangle's third corner.
 
     Returns
     -------
@@ -163,7 +210,7 @@ def mesh(depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None) -> t
     ------
     InputError
         When ``depth`` is not a depth map (see `depth_array`) or holds no finite pixel, or when
-        ``colour`` is not a uint8 image of the same size.
+        ``colour`` is not a uint8 image of the same size, or the cuts are not for that size.
     """
     import trimesh
 
@@ -173,28 +220,34 @@ def mesh(depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None) -> t
         raise InputError(f"depth of shape {finite.shape} is NaN everywhere: a mesh needs at least one finite pixel.")
     return trimesh.Trimesh(
         vertices=surface_points[finite],
-        faces=_faces(finite),
+        faces=_faces(finite, cuts),
         vertex_colors=None if colour is None else _rgb(colour, finite.shape)[finite],
         process=False,
     )
 
 
-def _faces(finite: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Triangles of every 2x2 square with at least three finite pixels, as indices of the finite pixels."""
+def _faces(finite: NDArray[np.bool_], cuts: Cuts | None) -> NDArray[np.int64]:
+    """Triangles of every 2x2 square with three joined pixels, as indices of the finite pixels."""
     vertex = np.where(finite, np.cumsum(finite).reshape(finite.shape) - 1, -1)
     top_left, top_right = vertex[:-1, :-1], vertex[:-1, 1:]
     bottom_left, bottom_right = vertex[1:, :-1], vertex[1:, 1:]
-    # The last two use the other diagonal, so each stands alone where the fourth pixel is missing.
-    always = np.ones(top_left.shape, dtype=bool)
+    along_rows, along_columns = finite[:, :-1] & finite[:, 1:], finite[:-1] & finite[1:]
+    if cuts is not None:
+        cuts.check(finite.shape)
+        along_rows &= ~cuts.right
+        along_columns &= ~cuts.down
+    top, bottom, left, right = along_rows[:-1], along_rows[1:], along_columns[:, :-1], along_columns[:, 1:]
+    at_top_left, at_bottom_right = top & left, bottom & right
+    # The last two use the other diagonal, so each stands alone where the others are missing.
+    neither = ~(at_top_left | at_bottom_right)
     triangles = []
     for corners, wanted in (
-        ((top_left, bottom_left, top_right), always),
-        ((top_right, bottom_left, bottom_right), always),
-        ((top_left, bottom_left, bottom_right), top_right < 0),
-        ((top_left, bottom_right, top_right), bottom_left < 0),
+        ((top_left, bottom_left, top_right), at_top_left),
+        ((top_right, bottom_left, bottom_right), at_bottom_right),
+        ((top_left, bottom_left, bottom_right), bottom & left & neither),
+        ((top_left, bottom_right, top_right), top & right & neither),
     ):
-        triangle = np.stack(corners, axis=-1)
-        triangles.append(triangle[(triangle >= 0).all(axis=-1) & wanted])
+        triangles.append(np.stack([corner[wanted] for corner in corners], axis=-1))
     return np.concatenate(triangles)
 
 

@@ -278,12 +278,19 @@ def test_alpha_mask_and_walls_are_combined(tmp_path: Path) -> None:
     outcome = run("reconstruct", tmp_path / "photo.png", "-o", tmp_path / "out", *FOCAL, *files)
     assert outcome.status == 0
     solved = np.isfinite(np.load(tmp_path / "out" / "depth.npy"))
-    np.testing.assert_array_equal(solved, opaque & mask & ~walls)
+    np.testing.assert_array_equal(solved, opaque & mask)
     mesh: Any = trimesh.load_mesh(tmp_path / "out" / "mesh.ply", process=False)
     np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], colours[solved][:, :3])
-    said = strict(tmp_path / "out" / "report.json")["photo"]
+    report = strict(tmp_path / "out" / "report.json")
+    said, count = report["photo"], int((opaque & mask & walls).sum())
     assert said["mask"] == str(tmp_path / "mask.png")
     assert said["walls"] == str(tmp_path / "walls.npy")
+    assert (report["pixels"]["walls"], report["pixels"]["walls_solved"]) == (count, count)
+    assert report["confidence"]["doubtful_pixels"]["on a wall"] == count
+    assert f"{count} of {count} pixels on walls" in outcome.stderr
+    # Between any two rows the wall costs one square, whichever sides its pixels are on.
+    height, width = HEIGHT - 4, WIDTH - 5
+    assert len(mesh.faces) == 2 * (height - 1) * (width - 2)
 
 
 @pytest.mark.usefixtures("quick")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -206,6 +206,12 @@ def solve_photo(
     try:
         _require_shading(photo, wanted & ~barriers)
         prepared = prepare_photo(photo, pinhole, preparation, mask=wanted & ~barriers)
+        if walls is not None:
+            lit = wanted & np.isfinite(photo.image)
+            # Their light tells which side walls belong to: corrected like all other, but not mixed with it.
+            alone = replace(preparation, highlights="keep", clip_highlights=None, mean_filter=1)
+            light = np.where(barriers & lit, prepare_photo(photo, pinhole, alone, mask=lit).light, prepared.light)
+            prepared = replace(prepared, light=light, unfiltered=np.where(barriers & lit, light, prepared.unfiltered))
         image, unfiltered, done = brightness.of(prepared, light)
         if prepared.masked.any():
             solvable = wanted & ~prepared.masked
@@ -213,7 +219,13 @@ def solve_photo(
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
         solution = reconstruct(
-            image, pinhole, mask=solvable, walls=barriers, known_depth=depths, albedo=shares, **keywords
+            image,
+            pinhole,
+            mask=solvable,
+            walls=None if walls is None else barriers,
+            known_depth=depths,
+            albedo=shares,
+            **keywords,
         )
     except (InputError, CameraError) as error:
         raise type(error)(f"{path}: {error}") from error
@@ -226,7 +238,7 @@ def solve_photo(
             **{name: None if file is None else str(file) for name, file in files.items()},
         },
         "known": {
-            "pixels": int(np.count_nonzero(known & ~barriers)),
+            "pixels": int(np.count_nonzero(known)),
             "assumed": "z = 1 on the edge of the image or mask" if assumed else None,
         },
         "requested": {**asdict(camera), "device": keywords.get("device")},

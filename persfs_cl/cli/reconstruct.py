@@ -197,7 +197,10 @@ def reconstruct(
     walls: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="The same, white where the surface may jump: nothing crosses.", rich_help_panel=_REGION
+            metavar="FILE",
+            help="The same, white where the surface may jump: nothing crosses, and the mesh is cut there. White pixels "
+            "get their depth from the side that they belong to.",
+            rich_help_panel=_REGION,
         ),
     ] = None,
     known_depth: Annotated[
@@ -366,4 +369,7 @@ def _summary(result: PhotoSolution) -> str:
         )
     if unreached := int(solution.unreached.sum()):
         text += f"\n{unreached} pixels have no depth: no known depth can reach them."
+    if solution.walls is not None:
+        filled = int((solution.walls & solution.solved).sum())
+        text += f"\n{filled} of {int(solution.walls.sum())} pixels on walls have got their depth from one of the sides."
     return text
