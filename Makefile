@@ -8,13 +8,14 @@ YARDSTICKS := $(VENV)/.yardsticks
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test lint bench clean
+.PHONY: help install demo test lint bench paper clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
 	@echo "make test     run the tests"
 	@echo "make lint     check style and types"
 	@echo "make bench    measure the performance"
+	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
 	@echo "make install  only prepare $(VENV), which every command above does by itself"
 	@echo "make clean    delete $(VENV) and everything that these commands made"
 	@echo "PYTHON=/path/to/python3 picks another Python (now: $(PYTHON))"
@@ -44,6 +45,9 @@ $(YARDSTICKS): $(INSTALLED)
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --editable '.[bench]'
 	touch $@
 
+paper: $(INSTALLED)
+	$(BIN)/persfs-cl paper
+
 clean:
-	rm -rf $(VENV) dist build demo-output bench-output .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) dist build demo-output bench-output paper-output .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find persfs_cl tests -name __pycache__ -prune -exec rm -rf {} +

@@ -16,15 +16,16 @@ from test_cli import run
 
 import persfs_cl as ps
 from persfs_cl._cl.launches import Grid, Sweeper
-from persfs_cl.bench import experiments, peers, plots
+from persfs_cl.bench import accuracy, experiments, peers, plots
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
-from persfs_cl.bench.peers import Peer, UnavailableError
+from persfs_cl.bench.peers import Peer
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.bench.subjects import Subject
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
+from persfs_cl.errors import UnavailableError
 from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 
@@ -201,13 +202,18 @@ def load(folder: Path) -> dict[str, Any]:
     return content
 
 
-def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
+def test_every_experiment_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Every number of bands is a program to compile.
+    monkeypatch.setattr(experiments, "_BANDS", (1, 3))
     folder = tmp_path / "out"
     settings = ("--quick", "--sizes", "64", "--batch", "1,3", "--repeats", "2", "-o", folder)
-    in_process = [name for name in EXPERIMENTS if name not in ("compilation", "memory")]
+    # Some are called by other tests: in processes of their own, and at the sizes that are claimed.
+    elsewhere = ("compilation", "memory", "flash", "reflectance")
+    in_process = [name for name in EXPERIMENTS if name not in elsewhere]
     outcome = run("bench", *settings, *(part for name in in_process for part in ("--experiment", name)))
     assert outcome.status == 0
-    names = ("bench.json", "bench.csv", "scaling.png", "yardsticks.png", "convergence.png")
+    pictures = ("scaling.png", "yardsticks.png", "convergence.png", "accuracy.png")
+    names = ("bench.json", "bench.csv", *pictures)
     assert outcome.stdout.splitlines()[-len(names) :] == [str(folder / name) for name in names]
     content = load(folder)
     records = [Record(**entry) for entry in content["records"]]
@@ -227,8 +233,34 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
     assert header["cores"] >= 1
     with (folder / "bench.csv").open(newline="", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) == len(records)
-    for name in names[2:]:
+    for name in pictures:
         assert imageio.v3.imread(folder / name).std() > 1
+
+
+def test_errors_are_drawn_as_far_as_they_go(device: ps.Device, tmp_path: Path) -> None:
+    """Broken off after the first scheme, and after all schemes of a scene at several sizes."""
+    plan = Plan(device, sizes=(16, 24))
+    records: list[Record] = []
+    for scheme in accuracy.SCHEMES:
+        records += accuracy.refined(plan, "hill, flash", scheme, plan.edges())
+        assert plots.draw(tmp_path, records, "foot") == [tmp_path / "accuracy.png"]
+    orders = [record.median or 0.0 for record in records if record.quantity == accuracy.ORDER]
+    assert len(orders) == len(accuracy.SCHEMES)
+    assert min(orders) > 0.5
+    assert plots.draw(tmp_path, [], "foot") == []
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_the_scanned_object_it_is_said_where_it_comes_from(
+    device: ps.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing() -> Path:
+        raise ps.InputError("get the bunny")
+
+    monkeypatch.setattr(accuracy, "stanford_bunny", missing)
+    records = [record for group in accuracy.flash(Plan(device, sizes=(16,), repeats=1)) for record in group]
+    assert [record.detail for record in records if record.median is None] == ["skipped: get the bunny"]
+    assert len(records) == 1 + 2 * len([*accuracy.PHOTOGRAPHS, accuracy.FILTERED])
 
 
 def test_experiments_in_processes_of_their_own(device: ps.Device) -> None:

@@ -61,7 +61,7 @@ def typed_lines(example: Example) -> list[str]:
 
 
 README = examples("README.md")
-EXAMPLES = [*README, *examples("docs/choosing.md")]
+EXAMPLES = [*README, *examples("docs/choosing.md"), *examples("docs/accuracy.md")]
 
 
 def test_readme_has_examples_of_both_kinds_and_output() -> None:

@@ -1,1 +1,1 @@
-"""Performance experiments: how fast the sweeps are, beside what else there is, and how much of the device they use."""
+"""Experiments: how fast the sweeps are, beside what else there is and the device's limits; how exact the depth is."""

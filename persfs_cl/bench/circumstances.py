@@ -12,7 +12,7 @@ from typing import Any
 
 from persfs_cl._cl.device import Device
 
-_PACKAGES = ("persfs-cl", "numpy", "pyopencl", "pocl-binary-distribution", "numba", "scikit-fmm")
+_PACKAGES = ("persfs-cl", "numpy", "pyopencl", "pocl-binary-distribution", "numba", "scikit-fmm", "pymeshfix")
 
 
 def circumstances(device: Device, command: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from persfs_cl._cl.launches import Tuning
 from persfs_cl.bench import fresh
+from persfs_cl.bench.accuracy import accuracy, flash, reflectance
 from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_peer, skip
@@ -52,7 +53,7 @@ def orderings(plan: Plan) -> Iterator[list[Record]]:
 
 def sizes(plan: Plan) -> Iterator[list[Record]]:
     """How the rate of whole iterations depends on the size of the image."""
-    for size in plan.sizes:
+    for size in plan.edges():
         peers, skipped = available("sizes", (PLAIN_C,), size, plan.precision)
         yield measured(plan, "sizes", size, plan.precision, [*_iterations(plan, size), *peers]) + skipped
 
@@ -178,6 +179,9 @@ EXPERIMENTS: dict[str, Experiment] = {
     "small": small_image,
     "convergence": convergence,
     "solutions": solutions,
+    "accuracy": accuracy,
+    "flash": flash,
+    "reflectance": reflectance,
     "compilation": compilation,
     "memory": memory,
 }

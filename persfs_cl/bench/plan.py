@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from persfs_cl._cl.device import Device
 
+STANDARD_SIZES = (128, 256, 512, 1024, 2048, 4096)
 _STANDARD_SIZE = 2048
 
 
@@ -16,8 +17,8 @@ class Plan:
     Attributes
     ----------
     device : Device
-    sizes : tuple of int
-        Pixels along an edge of square images, ascending.
+    sizes : tuple of int or None
+        Pixels along an edge of square images, ascending; None = what is usual for each experiment.
     batch : tuple of int
         Numbers of images that share launches, ascending.
     orderings : tuple of str
@@ -28,13 +29,18 @@ class Plan:
     """
 
     device: Device
-    sizes: tuple[int, ...] = (128, 256, 512, 1024, 2048, 4096)
+    sizes: tuple[int, ...] | None = None
     batch: tuple[int, ...] = (1, 4, 16, 64)
     orderings: tuple[str, ...] = ("wavefront", "checkerboard", "lexicographic")
     precision: str = "float32"
     repeats: int = 5
     least_seconds: float = 0.05
 
+    def edges(self, usual: tuple[int, ...] = STANDARD_SIZES) -> tuple[int, ...]:
+        """The sizes asked for, or else the usual ones."""
+        return self.sizes or usual
+
     def size(self, wanted: int = _STANDARD_SIZE) -> int:
-        """The largest of the sizes that is no larger than `wanted`, or else the smallest."""
-        return max((size for size in self.sizes if size <= wanted), default=min(self.sizes))
+        """`wanted`; where sizes are asked for, the largest that is no larger, or else the smallest."""
+        sizes = self.edges((wanted,))
+        return max((size for size in sizes if size <= wanted), default=min(sizes))

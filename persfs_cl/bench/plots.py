@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from persfs_cl.bench import accuracy
 from persfs_cl.bench.convergence import ELAPSED, ERROR
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, YARDSTICKS
 from persfs_cl.bench.results import Record
@@ -24,7 +25,7 @@ _LARGEST_SHOWN = 10.0
 
 
 def draw(folder: Path, records: Sequence[Record], foot: str) -> list[Path]:
-    """Draw what the records allow: scaling, yardsticks and convergence.
+    """Draw what the records allow: scaling, yardsticks, convergence and accuracy.
 
     Parameters
     ----------
@@ -39,7 +40,8 @@ def draw(folder: Path, records: Sequence[Record], foot: str) -> list[Path]:
         The files written. A plot of an earlier run that these records do not allow is deleted.
     """
     written = []
-    for name, make in (("scaling", _scaling), ("yardsticks", _yardsticks), ("convergence", _convergence)):
+    makers = {"scaling": _scaling, "yardsticks": _yardsticks, "convergence": _convergence, "accuracy": _accuracy}
+    for name, make in makers.items():
         path = folder / f"{name}.png"
         figure = make([record for record in records if record.median is not None])
         if figure is None:
@@ -147,6 +149,42 @@ def _convergence(records: Sequence[Record]) -> Figure | None:
     by_sweep.set_ylim(top=_LARGEST_SHOWN)
     _label(by_sweep, f"sweeps, {chosen[0].size}² pixels", "largest error of ln z")
     _label(by_second, "milliseconds", "")
+    return figure
+
+
+def _accuracy(records: Sequence[Record]) -> Figure | None:
+    """Mean error over the size of the image, with lines of slope 1 and 2: a colour a scheme, a marker a scene."""
+    chosen = [record for record in records if record.experiment == "accuracy" and record.quantity == accuracy.ERROR]
+    if not chosen:
+        return None
+    figure = _figure(7.2, 5.0)
+    axes = figure.add_subplot()
+    sizes = sorted({record.size for record in chosen})
+    for number, scheme in enumerate(accuracy.SCHEMES):
+        for marker, scene in zip(_MARKERS, accuracy.SCENES, strict=False):
+            points = [record for record in chosen if record.subject == accuracy.subject(scene, scheme)]
+            if not points:
+                continue
+            errors = [record.median for record in points]
+            style = {
+                "marker": marker,
+                "markersize": 5,
+                "linewidth": 1,
+                "color": f"C{number}",
+                "markerfacecolor": "none",
+            }
+            axes.loglog([record.size for record in points], errors, label=f"{scheme}; {scene}", **style)
+    for order, scheme in enumerate(("upwind", "second order"), start=1):
+        largest = max((record.median or 0.0 for record in chosen if record.subject.endswith(scheme)), default=0.0)
+        if largest:
+            # Beside the measured lines, and through no point of theirs.
+            slope = [0.4 * largest * (sizes[0] / size) ** order for size in sizes]
+            axes.loglog(sizes, slope, "--", color="0.6", linewidth=1)
+            axes.annotate(f"slope {order}", (sizes[-1], 0.9 * slope[-1]), fontsize=8, color="0.4", va="top", ha="right")
+    axes.set_xticks(sizes, [str(size) for size in sizes])
+    axes.minorticks_off()
+    _label(axes, "pixels along an edge", "mean error of the depth")
+    axes.legend(fontsize=6.5, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 

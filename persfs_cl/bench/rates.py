@@ -5,11 +5,12 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterable
 
-from persfs_cl.bench.peers import Peer, UnavailableError, numba_loop, numpy_diagonals, plain_c
+from persfs_cl.bench.peers import Peer, numba_loop, numpy_diagonals, plain_c
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.subjects import Subject, smooth_problem, swept_cells
 from persfs_cl.bench.timing import Timing, take_turns
+from persfs_cl.errors import UnavailableError
 
 PLAIN_C = "plain C"
 RATE = "rate"

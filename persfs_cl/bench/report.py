@@ -38,15 +38,16 @@ def table(experiment: str, records: Sequence[Record]) -> Table:
 
 def _line(record: Record) -> dict[str, str]:
     after = f" after {record.iteration}" if record.iteration else ""
-    skipped = record.median is None
+    unit = f", {record.unit}" if record.unit else ""
+    once = record.median is None or record.repeats == 1
     return {
         "subject": escape(record.subject),
         "pixels": f"{record.size}²" if record.size else "",
         "images": str(record.images),
         "precision": record.precision,
-        "quantity": f"{record.quantity}{after}, {record.unit}",
+        "quantity": f"{record.quantity}{after}{unit}",
         "median": _number(record.median),
-        "spread": "" if skipped else f"{_number(record.lowest)} to {_number(record.highest)}",
+        "spread": "" if once else f"{_number(record.lowest)} to {_number(record.highest)}",
         "by device": _number(record.by_device),
         f"× {PLAIN_C}": "" if record.factor is None else f"{record.factor:.1f}",
         "detail": escape(record.detail),

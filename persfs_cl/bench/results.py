@@ -32,7 +32,7 @@ class Record:
     factor : float or None
         How many times the rate of the plain C sweep this is: median over the rounds in which both were measured.
     iteration : int or None
-        Where a quantity is followed over the iterations.
+        After which iteration the quantity was found, where that matters.
     detail : str
     """
 

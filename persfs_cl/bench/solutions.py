@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import persfs_cl as ps
-from persfs_cl.bench.peers import UnavailableError
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.timing import Timing, take_turns
+from persfs_cl.errors import UnavailableError
 
 TIME = "time"
 FAST_MARCHING = "scikit-fmm"
@@ -57,7 +57,7 @@ def solutions(plan: Plan) -> Iterator[list[Record]]:
 
     scikit-fmm does not solve the shading equation: it is given the true |grad Z|, and recovers the same surface.
     """
-    for size in [size for size in plan.sizes if size <= plan.size(_LARGEST_SIZE)]:
+    for size in [size for size in plan.edges() if size <= plan.size(_LARGEST_SIZE)]:
         scene = ps.bump((size, size))
         solvers: dict[str, Solver] = {"upwind": partial(_reconstruct, plan, scene, "wavefront", scheme="upwind")}
         if size <= plan.size(_LARGEST_LAX_FRIEDRICHS):

@@ -16,6 +16,7 @@ from persfs_cl.cli.bench import bench
 from persfs_cl.cli.compare import compare
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
+from persfs_cl.cli.paper import paper
 from persfs_cl.cli.progress import INTERRUPTED
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.cli.render import render
@@ -72,6 +73,16 @@ persfs-cl bench --experiment batch --batch 1,64 --orderings wavefront --device g
 
 Ctrl-C keeps what was measured: the files are written, and the exit status is 130.
 """
+_PAPER_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl paper -o result
+
+persfs-cl paper --quick
+
+It needs numba: pip install 'persfs-cl[paper]'.
+
+Ctrl-C keeps the tables that are finished; the exit status is 130.
+"""
 
 
 class _Commands(TyperGroup):
@@ -126,6 +137,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     reconstruct: _RECONSTRUCT_EPILOG,
     render: _RENDER_EPILOG,
     compare: _COMPARE_EPILOG,
+    paper: _PAPER_EPILOG,
     bench: _BENCH_EPILOG,
     devices: "",
     demo: "",

@@ -1,4 +1,4 @@
-"""``persfs-cl bench``: performance experiments."""
+"""``persfs-cl bench``: experiments on speed and on accuracy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rich.console import Console
 from persfs_cl._cl.device import select_device
 from persfs_cl.bench.circumstances import circumstances, summary
 from persfs_cl.bench.experiments import EXPERIMENTS
-from persfs_cl.bench.plan import Plan
+from persfs_cl.bench.plan import STANDARD_SIZES, Plan
 from persfs_cl.bench.plots import draw
 from persfs_cl.bench.report import table
 from persfs_cl.bench.results import Record, write_csv, write_json
@@ -37,7 +37,11 @@ def bench(
     ] = None,
     sizes: Annotated[
         str | None,
-        typer.Option(metavar="PX,...", help=f"Edges of square images; {','.join(map(str, Plan.sizes))} unless given."),
+        typer.Option(
+            metavar="PX,...",
+            help=f"Edges of square images; times unless given at {','.join(map(str, STANDARD_SIZES))}, errors at sizes"
+            " of their own.",
+        ),
     ] = None,
     batch: Annotated[
         str | None,
@@ -62,15 +66,16 @@ def bench(
     device: DeviceOption = None,
     precision: PrecisionOption = "float32",
 ) -> None:
-    """Measure how fast the sweeps are, beside a plain C sweep, numba, NumPy and scikit-fmm in the same run.
+    """Measure how fast the sweeps are, beside other ways to do the same in the same run, and how exact the depth is.
 
-    Prints tables, and writes bench.json, bench.csv and the plots scaling.png, yardsticks.png and convergence.png.
+    Prints tables, and writes bench.json, bench.csv and the plots scaling.png, yardsticks.png, convergence.png and
+    accuracy.png.
     """
     experiments = _known("--experiment", experiment or list(EXPERIMENTS), tuple(EXPERIMENTS))
     plan = Plan(
         device=select_device(device),
-        sizes=_numbers("--sizes", sizes, _QUICK_SIZES if quick else Plan.sizes, least=8),
-        batch=_numbers("--batch", batch, _QUICK_BATCH if quick else Plan.batch, least=1),
+        sizes=_numbers("--sizes", sizes, least=8) or (_QUICK_SIZES if quick else None),
+        batch=_numbers("--batch", batch, least=1) or (_QUICK_BATCH if quick else Plan.batch),
         orderings=_ORDERINGS if orderings is None else _known("--orderings", orderings.split(","), _ORDERINGS),
         precision=precision,
         repeats=repeats or (_QUICK_REPEATS if quick else Plan.repeats),
@@ -129,9 +134,9 @@ def _measuring(name: str) -> Iterator[None]:
         yield
 
 
-def _numbers(option: str, text: str | None, usual: tuple[int, ...], *, least: int) -> tuple[int, ...]:
+def _numbers(option: str, text: str | None, *, least: int) -> tuple[int, ...] | None:
     if text is None:
-        return usual
+        return None
     try:
         numbers = sorted({int(part) for part in text.split(",")})
     except ValueError:

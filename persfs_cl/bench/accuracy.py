@@ -1,0 +1,219 @@
+"""How far the depth is from the truth: under refinement, with noise, and with the right and the wrong material."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+import persfs_cl as ps
+from persfs_cl.bench.plan import Plan
+from persfs_cl.bench.rates import skip
+from persfs_cl.bench.results import Record
+from persfs_cl.errors import InputError
+from persfs_cl.grey import mean_filter
+from persfs_cl.light import Light
+from persfs_cl.reflectance import Reflectance
+from persfs_cl.scanned import mesh_scene, stanford_bunny
+from persfs_cl.scenes import Scene, Surface
+
+ERROR, ERROR_SCALED, ORDER = "mean error", "mean error, one scale", "fitted order"
+DEPTH, SHARE = "depth", "% of the relief"
+FLASH = ps.FlashLight()
+PARALLEL = {"frontal": ps.ParallelLight(), "oblique": ps.ParallelLight(0.15, -0.1)}
+SURFACES: tuple[Surface, ...] = ("away", "toward")
+
+_SIZES = (51, 101, 201, 401)
+_LARGEST_SIZE = 512
+_OBJECT_SIZE, _OBJECT_FOCAL_LENGTH = 540, 590
+_MATERIAL_SIZE = 201
+
+
+def _bump(light: Light, surface: Surface, size: int) -> Scene:
+    return ps.bump((size, size), light=light, surface=surface)
+
+
+def _hill(size: int, **keywords: Any) -> Scene:
+    return ps.hillside((size, size), light=FLASH, surface="toward", **keywords)
+
+
+def _object(mesh: Path, size: int, **keywords: Any) -> Scene:
+    focal_length = size * _OBJECT_FOCAL_LENGTH / _OBJECT_SIZE
+    return mesh_scene(mesh, (size, size), up="z", focal_length=focal_length, light=FLASH, **keywords)
+
+
+SCENES: dict[str, Callable[[int], Scene]] = {
+    **{
+        f"bump, {name}, {surface}": partial(_bump, light, surface)
+        for name, light in PARALLEL.items()
+        for surface in SURFACES
+    },
+    "hill, flash": _hill,
+}
+"""Smooth scenes by name, each made for a size."""
+
+SCHEMES: dict[str, dict[str, Any]] = {
+    "Lax-Friedrichs": {"scheme": "lax-friedrichs"},
+    "upwind": {"scheme": "upwind"},
+    "second order": {"scheme": "upwind", "accuracy_order": 2},
+}
+
+PHOTOGRAPHS: dict[str, dict[str, Any]] = {
+    "exact": {},
+    "8 bits": {"bits": 8},
+    "8 bits, 1 % noise": {"bits": 8, "noise": 0.01},
+    "8 bits, 2 % noise": {"bits": 8, "noise": 0.02},
+}
+FILTERED = "8 bits, 2 % noise, mean filter"
+
+MATT = "Lambertian"
+UNDER_FLASH: dict[str, Reflectance] = {
+    MATT: ps.Lambertian(),
+    "Oren-Nayar 0.4": ps.OrenNayar(0.4),
+    "Oren-Nayar 0.9": ps.OrenNayar(0.9),
+    "Phong": ps.Phong(),
+}
+UNDER_PARALLEL: dict[str, Reflectance] = {
+    MATT: ps.Lambertian(),
+    "Oren-Nayar 0.3": ps.OrenNayar(0.3),
+    "Oren-Nayar 0.5": ps.OrenNayar(0.5),
+    "Phong": ps.Phong(),
+}
+
+
+def subject(scene: str, scheme: str) -> str:
+    """What the records of a scene and a scheme are of."""
+    return f"{scene}: {scheme}"
+
+
+def accuracy(plan: Plan) -> Iterator[list[Record]]:
+    """Mean error of depth on smooth scenes over the size of the image, and the order fitted to it.
+
+    Under a parallel light the frame of the image is known, under a flash nothing.
+    """
+    sizes = [size for size in plan.edges(_SIZES) if size <= plan.size(_LARGEST_SIZE)]
+    for scene, scheme in product(SCENES, SCHEMES):
+        yield refined(plan, scene, scheme, sizes)
+
+
+def refined(plan: Plan, scene: str, scheme: str, sizes: Sequence[int]) -> list[Record]:
+    """The error of one scheme on one scene at each size, and the order if there are several."""
+    scenes = [SCENES[scene](size) for size in sizes]
+    solutions = [_solved(plan, each, **SCHEMES[scheme]) for each in scenes]
+    errors = [ps.compare(solution.depth, each.depth).mean for solution, each in zip(solutions, scenes, strict=True)]
+    name = subject(scene, scheme)
+    records = [
+        _record(plan, "accuracy", name, size, [error], [solution], unit=DEPTH)
+        for size, error, solution in zip(sizes, errors, solutions, strict=True)
+    ]
+    if len(sizes) > 1:
+        order = -float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
+        of_all = _record(plan, "accuracy", name, 0, [order], solutions, quantity=ORDER)
+        records.append(replace(of_all, iteration=None))
+    return records
+
+
+def flash(plan: Plan) -> Iterator[list[Record]]:
+    """Mean error of depth from flash photographs with quantisation and noise, as a share of the relief.
+
+    The solver is told nothing but the photograph, and where in it the object is. What noise does is measured with as
+    many seeds as there are repeats, for the strongest also after a mean filter of 3 × 3 pixels.
+    """
+    objects: dict[str, tuple[int, Callable[..., Scene]]] = {"hill": (plan.size(_SIZES[-1]), _hill)}
+    try:
+        objects["bunny"] = plan.size(_OBJECT_SIZE), partial(_object, stanford_bunny())
+    except InputError as reason:
+        yield [skip("flash", "bunny", ERROR, SHARE, plan.size(_OBJECT_SIZE), plan.precision, str(reason))]
+    for name, (size, make) in objects.items():
+        for photograph, keywords in PHOTOGRAPHS.items():
+            scenes = [make(size, seed=seed, **keywords) for seed in range(plan.repeats if "noise" in keywords else 1)]
+            solutions = [_solved(plan, scene, mask=scene.mask) for scene in scenes]
+            yield _shares(plan, "flash", f"{name}, {photograph}", scenes, solutions)
+        smoothed = [replace(scene, image=mean_filter(scene.image, 3, scene.mask)) for scene in scenes]
+        solutions = [_solved(plan, scene, mask=scene.mask) for scene in smoothed]
+        yield _shares(plan, "flash", f"{name}, {FILTERED}", smoothed, solutions)
+
+
+def reflectance(plan: Plan) -> Iterator[list[Record]]:
+    """Mean error of depth when the material of a hill is known, and when another one is assumed.
+
+    Under a parallel light the frame is known, and who takes the hill for Lambertian sets its brightest value to 1.
+    """
+    size = plan.size(_MATERIAL_SIZE)
+    for true, material in UNDER_FLASH.items():
+        scene = _hill(size, reflectance=material)
+        for assumed, other in UNDER_FLASH.items():
+            solution = _solved(plan, scene, reflectance=other)
+            yield _shares(plan, "reflectance", taken("flash", true, assumed), [scene], [solution])
+    for (name, light), surface, (true, material) in product(PARALLEL.items(), SURFACES, UNDER_PARALLEL.items()):
+        scene = ps.hillside(
+            (size, size), light=light, reflectance=material, surface=surface, relief=0.05, focal_length=3.0 * size
+        )
+        photographs = {true: scene}
+        if true != MATT:
+            photographs[MATT] = replace(scene, image=scene.image / scene.image.max(), reflectance=ps.Lambertian())
+        for assumed, photograph in photographs.items():
+            label = taken(f"{name}, {surface}", true, assumed)
+            yield _shares(plan, "reflectance", label, [scene], [_solved(plan, photograph)])[:1]
+
+
+def taken(light: str, true: str, assumed: str) -> str:
+    """What the records of a material taken for another, or for itself, are of."""
+    return f"{light}: {true} taken as {assumed}"
+
+
+def _solved(plan: Plan, scene: Scene, **keywords: Any) -> ps.Solution:
+    """What the solver makes of the photograph; under a parallel light it is told the known depths."""
+    given: dict[str, Any] = {"light": scene.light, "reflectance": scene.reflectance}
+    if scene.light != FLASH:
+        given |= {"known_depth": scene.known_depth, "surface": scene.surface}
+    options = {**given, "device": plan.device, "precision": plan.precision, **keywords}
+    return ps.reconstruct(scene.image, scene.camera, **options)
+
+
+def _shares(
+    plan: Plan, experiment: str, name: str, scenes: Sequence[Scene], solutions: Sequence[ps.Solution]
+) -> list[Record]:
+    """Errors as shares of the relief, raw and after one global scale."""
+    size = scenes[0].image.shape[0]
+    records = []
+    alignments: dict[str, Literal["scale"] | None] = {ERROR: None, ERROR_SCALED: "scale"}
+    for quantity, align in alignments.items():
+        shares = [
+            100.0 * ps.compare(solution.depth, scene.depth, align=align).mean / float(np.ptp(scene.depth[scene.mask]))
+            for solution, scene in zip(solutions, scenes, strict=True)
+        ]
+        records.append(_record(plan, experiment, name, size, shares, solutions, quantity=quantity, unit=SHARE))
+    return records
+
+
+def _record(
+    plan: Plan,
+    experiment: str,
+    name: str,
+    size: int,
+    values: Sequence[float],
+    solutions: Sequence[ps.Solution],
+    *,
+    quantity: str = ERROR,
+    unit: str = "",
+) -> Record:
+    ends = {solution.status for solution in solutions}
+    scheme = solutions[0].parameters["scheme"]
+    return Record.of(
+        values,
+        experiment=experiment,
+        subject=name,
+        quantity=quantity,
+        unit=unit,
+        size=size,
+        images=1,
+        precision=plan.precision,
+        iteration=max(solution.iterations for solution in solutions),
+        detail=f"{scheme}, {'converged' if ends == {ps.Status.CONVERGED} else 'not converged'}",
+    )

@@ -1,0 +1,110 @@
+"""Tables as Markdown and CSV, from the same cells; and a page that holds them between markers."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from persfs_cl.errors import InputError
+from persfs_cl.files import FilePath, atomic_path
+
+_END = "<!-- end -->"
+_MARKED = re.compile(r"<!-- (?P<name>[\w-]+) -->\n(?P<content>.*?)\n?<!-- end -->", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as they are printed.
+
+    Attributes
+    ----------
+    name : str
+        Of the CSV file, without its suffix, and of the marker.
+    title : str
+    header : tuple of str
+    rows : tuple of tuple of str
+    words : int
+        So many of the first columns hold words.
+    """
+
+    name: str
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int = 0
+
+    @property
+    def markdown(self) -> str:
+        """The table, without its title."""
+        rule = ["---" if column < self.words else "--:" for column in range(len(self.header))]
+        return "\n".join(f"| {' | '.join(cells)} |" for cells in (self.header, rule, *self.rows))
+
+    def write_csv(self, path: FilePath) -> None:
+        """Write the header and the rows.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be written.
+        """
+        with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows((self.header, *self.rows))
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What an experiment came to.
+
+    Attributes
+    ----------
+    tables : sequence of Table
+    pictures : mapping of str to callable
+        File names, and what draws them when called with a path.
+    """
+
+    tables: Sequence[Table]
+    pictures: Mapping[str, Callable[[FilePath], None]] = field(default_factory=dict)
+
+
+def fragments(tables: Sequence[Table], circumstances: str) -> dict[str, str]:
+    """What stands between the markers of a page, by their names."""
+    return {"circumstances": circumstances, **{table.name: table.markdown for table in tables}}
+
+
+def write_fragments(path: FilePath, tables: Sequence[Table], circumstances: str) -> None:
+    """Write all tables to one Markdown file, between the markers that a page has.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    titles = {table.name: f"## {table.title}\n\n" for table in tables}
+    parts = [
+        f"{titles.get(name, '')}<!-- {name} -->\n{content}\n{_END}\n"
+        for name, content in fragments(tables, circumstances).items()
+    ]
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(parts), encoding="utf-8")
+
+
+def marked(page: str) -> dict[str, str]:
+    """What a page holds between its markers, by their names."""
+    return {found["name"]: found["content"] for found in _MARKED.finditer(page)}
+
+
+def filled(page: str, contents: Mapping[str, str]) -> str:
+    """The page with other contents between those of its markers that are named.
+
+    Raises
+    ------
+    InputError
+        When the page lacks a marker.
+    """
+    if missing := [name for name in contents if name not in marked(page)]:
+        raise InputError(f"the page has no place for {missing[0]!r}: add <!-- {missing[0]} --> and {_END} to it.")
+    return _MARKED.sub(
+        lambda found: f"<!-- {found['name']} -->\n{contents.get(found['name'], found['content'])}\n{_END}", page
+    )
