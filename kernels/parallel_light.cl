@@ -43,8 +43,8 @@ static inline conic lit_gradients(const number dark, /* 1 - E^2 */
 {
     const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
     const number a = (x - light_x) * inverse_norm, b = (y - light_y) * inverse_norm, bright = (number)1 - dark;
-    const number pull = dark / facing_ray(x, y, light_x, light_y);
-    const number length = pull / (facing_ray(x, y, light_x, light_y) * (inverse_norm * inverse_norm));
+    const number per_facing = (number)1 / facing_ray(x, y, light_x, light_y), pull = dark * per_facing;
+    const number length = pull * per_facing * (1 / (inverse_norm * inverse_norm));
     const conic result = {
         multiply_add(bright * x, x, bright - a * a),
         bright * x * y - a * b,
@@ -87,11 +87,11 @@ static inline number steepest_climb(const number dark, const number along, const
 {
     const extent ends = extent_along(dark, along, across, light_along, light_across, parameters);
     const number square_root = root(most(ends.spread, (number)0));
-    const number upwards = (ends.tilt + square_root) / ends.bend, downwards = ends.rest / (square_root - ends.tilt);
+    const number above = ends.tilt < (number)0 ? ends.rest : ends.tilt + square_root;
+    const number below = ends.tilt < (number)0 ? square_root - ends.tilt : ends.bend;
     /* Written so that a NaN stays one. */
-    const number unbounded = (number)NOWHERE;
-    const number climb = ends.tilt < (number)0 ? downwards : (ends.bend <= (number)0 ? unbounded : upwards);
-    return ends.spread < (number)0 ? unbounded : climb;
+    const number climb = below <= (number)0 ? (number)NOWHERE : above / below;
+    return ends.spread < (number)0 ? (number)NOWHERE : climb;
 }
 
 /* Middle between the largest and the smallest p of that set, or q with the axes in the other order; 0 where it is unbounded. */

@@ -46,7 +46,7 @@ static inline number inner_value(const number brightness, const number here, con
                                   (number)2 * multiply_subtract_from(along_y * column_x, along_x, column_y)),
                      multiply_subtract_from(along * along, bend, lit.free));
     const number square_root = root(most(spread, (number)0));
-    const number climb = tilt < (number)0 ? (square_root - tilt) / bend : -rest / (tilt + square_root);
+    const number climb = (tilt < (number)0 ? square_root - tilt : -rest) / (tilt < (number)0 ? bend : tilt + square_root);
     const number climb_up = climb - step;
     const number p = scale_x * climb, q = scale_y * climb_up;
     const number normal_x = multiply_add(xx, climb, multiply_add(xy, climb_up, along_x));
