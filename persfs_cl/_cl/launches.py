@@ -350,7 +350,7 @@ class Sweeper:
                     images = range(begin, min(begin + together, self.count))
                     self._row = 1
                     for _ in range(iterations):
-                        event = self._sweep_in_turn(images)
+                        event, _ = self.sweep_in_turn(images)
                         first = first or event
                         last = self.measure(images)
             changes = self._changes_host
@@ -362,16 +362,24 @@ class Sweeper:
         self._row = 0
         return rows.astype(np.float64)
 
-    def _sweep_in_turn(self, images: range) -> Any:
-        """Queue the four sweeps of an iteration; of strips in one launch, where no boundary is renewed in between."""
+    def sweep_in_turn(self, images: range | None = None) -> tuple[Any, Any]:
+        """Queue the four sweeps of an iteration, with the renewal of the boundary after each.
+
+        Strips do them in one launch where there is nothing to renew. `images` as for :meth:`sweep`.
+
+        Returns
+        -------
+        tuple of Event
+            The first and the last sweep.
+        """
         if self.tuning.variant == "wavefront_strips" and not self._has_boundary:
-            return self.sweep(0, count=4)
-        first = None
+            event = self.sweep(0, count=4)
+            return event, event
+        events = []
         for number in range(4):
-            event = self.sweep(number, images)
-            first = first or event
+            events.append(self.sweep(number, images))
             self.renew_boundary(images)
-        return first
+        return events[0], events[-1]
 
     def sweep(self, number: int, images: range | None = None, *, count: int = 1) -> Any:
         """Queue a sweep; not for the variant "wavefront_images", which runs whole iterations.
