@@ -350,7 +350,7 @@ class Sweeper:
                     images = range(begin, min(begin + together, self.count))
                     self._row = 1
                     for _ in range(iterations):
-                        event, _ = self.sweep_in_turn(images)
+                        event = self.sweep_in_turn(images)
                         first = first or event
                         last = self.measure(images)
             changes = self._changes_host
@@ -362,24 +362,20 @@ class Sweeper:
         self._row = 0
         return rows.astype(np.float64)
 
-    def sweep_in_turn(self, images: range | None = None) -> tuple[Any, Any]:
+    def sweep_in_turn(self, images: range | None = None) -> Any:
         """Queue the four sweeps of an iteration, with the renewal of the boundary after each.
 
-        Strips do them in one launch where there is nothing to renew. `images` as for :meth:`sweep`.
-
-        Returns
-        -------
-        tuple of Event
-            The first and the last sweep.
+        Strips do them in one launch where there is nothing to renew. `images` as for :meth:`sweep`; the event of the
+        first sweep is returned.
         """
         if self.tuning.variant == "wavefront_strips" and not self._has_boundary:
-            event = self.sweep(0, count=4)
-            return event, event
-        events = []
+            return self.sweep(0, count=4)
+        first = None
         for number in range(4):
-            events.append(self.sweep(number, images))
+            event = self.sweep(number, images)
+            first = first or event
             self.renew_boundary(images)
-        return events[0], events[-1]
+        return first
 
     def sweep(self, number: int, images: range | None = None, *, count: int = 1) -> Any:
         """Queue a sweep; not for the variant "wavefront_images", which runs whole iterations.
