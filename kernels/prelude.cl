@@ -3,11 +3,12 @@
  * USE_DOUBLE  0 or 1: the real type.
  * LANES       1 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an integer
  *             of the same width. The functions of model, scheme and cell are written for any number of lanes.
- * FUSED       1: multiply-add is one fused operation; 0: a product and a sum, where the former is a function call.
+ * FUSED       1: multiply-add is the library's; 0: a product and a sum that the compiler contracts, where the former is a
+ *             function call.
  * BUILTINS    1: the compiler's own functions for what the library lacks or does by a call: square root, prefetch.
  *
- * Contraction is off and every fused multiply-add is written out, so that two orderings compiled from the same cell
- * update give the same bits on a device.
+ * Contraction is off elsewhere and every fused multiply-add is written out, so that two orderings compiled from the same
+ * cell update give the same bits on a device.
  */
 #if USE_DOUBLE
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -62,12 +63,17 @@ typedef int integer;
 #pragma OPENCL FP_CONTRACT OFF
 
 #if FUSED
-#define multiply_add(a, b, c) fma((number)(a), (number)(b), (number)(c))
-#define multiply_subtract_from(c, a, b) fma(-(number)(a), (number)(b), (number)(c))
+#define FUSED_MULTIPLY_ADD fma
 #else
-#define multiply_add(a, b, c) ((a) * (b) + (c))
-#define multiply_subtract_from(c, a, b) ((c) - (a) * (b))
+static inline number contracted(const number a, const number b, const number c)
+{
+#pragma OPENCL FP_CONTRACT ON
+    return a * b + c;
+}
+#define FUSED_MULTIPLY_ADD contracted
 #endif
+#define multiply_add(a, b, c) FUSED_MULTIPLY_ADD((number)(a), (number)(b), (number)(c))
+#define multiply_subtract_from(c, a, b) FUSED_MULTIPLY_ADD(-(number)(a), (number)(b), (number)(c))
 
 #if BUILTINS && USE_DOUBLE
 #define ROOT __builtin_sqrt

@@ -122,11 +122,9 @@ def framed_problem(seed: int, shape: tuple[int, int], surface: str) -> Problem:
 
 @pytest.mark.parametrize("make", [peers.plain_c, peers.numba_loop])
 @pytest.mark.parametrize("surface", ["away", "toward"])
-def test_yardsticks_give_the_bits_of_the_lexicographic_sweep(
+def test_yardsticks_do_the_lexicographic_sweep(
     device: ps.Device, precision: str, make: Callable[[Grid, str], Peer], surface: str
 ) -> None:
-    if not device.is_pocl:
-        pytest.skip(f"{device} fuses multiply-adds, which plain C does not")
     for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
         grid = framed_problem(seed, shape, surface).numbers
         try:
@@ -144,7 +142,10 @@ def test_yardsticks_give_the_bits_of_the_lexicographic_sweep(
             before = peer.log_depth.copy()
             sweeps.sweep(number % 4)
             peer.sweep(number % 4)
-            np.testing.assert_array_equal(peer.log_depth, sweeps.log_depth()[0])
+            # Kernels fuse multiply-adds, which plain C does not: that rounds otherwise, on the scale of the start value.
+            swept, rounding = sweeps.log_depth()[0], np.finfo(precision).eps * before.max()
+            np.testing.assert_allclose(peer.log_depth, swept, rtol=0, atol=4 * rounding)
+            peer.log_depth[:] = swept
             assert number > 0 or (peer.log_depth < before).any(), "something must have moved"
 
 

@@ -63,7 +63,7 @@ def program(
     constants = {
         "USE_DOUBLE": int(precision == "float64"),
         "LANES": 1,
-        # PoCL keeps its mathematical functions out of line, which costs more than the fused operation saves.
+        # PoCL keeps its mathematical functions out of line, which costs more than they save.
         "FUSED": int(not device.is_pocl),
         "BUILTINS": int(device.is_pocl),
         **(definitions or {}),

@@ -1,7 +1,7 @@
 /* One Lax-Friedrichs sweep as anyone would write it: the yardstick that the kernels are measured against.
  *
- * The arithmetic of kernels/parallel_light.cl, lax_friedrichs.cl and cell.cl in the same order, so that the results have
- * the same bits as those of kernels/lexicographic.cl. Pixels on the frame are known and not visited; a brightness of NaN
+ * The arithmetic of kernels/parallel_light.cl, lax_friedrichs.cl and cell.cl in the same order, so that the results are
+ * those of kernels/lexicographic.cl but for the rounding of multiply-adds. Pixels on the frame are known and not visited; a brightness of NaN
  * marks further pixels that keep their value, since no comparison accepts what comes of it.
  */
 #include <tgmath.h>

@@ -24,7 +24,7 @@ from persfs_cl.problem import Problem
 from persfs_cl.reference import Reference
 
 _SOURCE = Path(__file__).with_name("lexicographic.c")
-# Without contraction, which some compilers do unasked on some processors, the bits are those of the kernels.
+# Without contraction, which some compilers do unasked on some processors: plain C, the same everywhere.
 _FLAGS = ("-O3", "-ffp-contract=off", "-shared", "-fPIC")
 
 
