@@ -28,6 +28,20 @@ _REMEDIES = {
 }
 
 
+def as_path(path: FilePath) -> Path:
+    """The path, if it is one.
+
+    Raises
+    ------
+    InputError
+        When it is no text and nothing that stands for a path, such as a number.
+    """
+    try:
+        return Path(path)
+    except TypeError as error:
+        raise InputError(f"{path!r} is no path: give a text or a pathlib.Path.") from error
+
+
 @contextmanager
 def atomic_path(target: FilePath) -> Iterator[Path]:
     """A temporary name to write to, which becomes `target` once the block has ended without an error.
@@ -57,7 +71,7 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
     >>> with atomic_path("depth.npy") as temporary:
     ...     np.save(temporary, depth)
     """
-    final = Path(target).resolve()
+    final = as_path(target).resolve()
     temporary = final.with_name(f".{uuid.uuid4().hex}{final.suffix}")
     try:
         # Renaming over a device such as /dev/null would replace it for the whole machine.
@@ -96,7 +110,7 @@ def filling(folder: FilePath) -> Iterator[Path]:
         When the operating system refuses, or `folder` holds a folder of a file's name. Names the file or `folder`,
         the reason and the remedy.
     """
-    final = Path(folder)
+    final = as_path(folder)
     new: list[Path] = []
     try:
         new += [place for place in (final, *final.parents) if not place.exists()]
@@ -134,7 +148,7 @@ def read_bytes(path: FilePath) -> bytes:
         When the file is missing, a folder, unreadable or empty. Names the path, the reason and the remedy.
     """
     try:
-        data = Path(path).read_bytes()
+        data = as_path(path).read_bytes()
     except FileNotFoundError as error:
         raise InputError(f"{path} does not exist: check the spelling and the folder.") from error
     except IsADirectoryError as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,7 @@ from persfs_cl import reference
 from persfs_cl._cl import launches
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl.camera import Camera
+from persfs_cl.choices import Precision
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -28,7 +31,7 @@ def render(
     albedo: ArrayLike | None = None,
     cuts: Cuts | None = None,
     device: int | str | Device | None = None,
-    precision: str = "float32",
+    precision: Precision = "float32",
 ) -> NDArray[np.float64]:
     """Photograph a surface: eq. (6) under a parallel light, I = κ c(θ) / r² or κ c(θ) under a flash.
 
@@ -70,8 +73,8 @@ def render(
     model = Model.of(light, reflectance)
     if not isinstance(camera, Camera):
         raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
-    if precision not in ("float32", "float64"):
-        raise InputError(f"precision={precision!r} is not a choice: use one of float32, float64.")
+    if precision not in get_args(Precision):
+        raise InputError(f"precision={precision!r} is not a choice: use one of {', '.join(get_args(Precision))}.")
     try:
         values = np.asarray(depth, dtype=np.float64)
     except (TypeError, ValueError) as error:

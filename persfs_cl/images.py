@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.errors import InputError
-from persfs_cl.files import FilePath, atomic_path, read_bytes
+from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
 from persfs_cl.grey import decode_srgb, encode_srgb
 
 Array = NDArray[np.float64]
@@ -158,7 +158,7 @@ def read_photo(
         raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(get_args(Channel))}.")
     if encoding not in get_args(Encoding):
         raise InputError(f"encoding={encoding!r} is unknown: give one of {', '.join(get_args(Encoding))}.")
-    path = Path(path)
+    path = as_path(path)
     raster = _read_raster(path)
     _require_brightness(path, raster, keep_nan=keep_nan)
     samples = raster.colours
@@ -228,7 +228,7 @@ def read_light(
     InputError
         When the file cannot be read, or is of another shape or of another type.
     """
-    path = Path(path)
+    path = as_path(path)
     if path.suffix.lower() == ".npy":
         stored = _read_npy(path)
         if stored.dtype.kind not in "iuf":
@@ -261,7 +261,7 @@ def read_mask(path: FilePath, shape: tuple[int, int]) -> NDArray[np.bool_]:
         When the file cannot be read, is of another shape or of another type, or is an image whose brightest
         sample is above 0 but not above half of the range.
     """
-    path = Path(path)
+    path = as_path(path)
     if path.suffix.lower() == ".npy":
         mask = _read_npy(path)
         if mask.dtype != np.bool_:
@@ -303,7 +303,7 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None) -> Array:
         When the file cannot be read, is no single depth map of numbers, has another shape or suffix, or
         holds values that are infinite or not above 0.
     """
-    path = Path(path)
+    path = as_path(path)
     suffix = path.suffix.lower()
     if suffix == ".npy":
         stored = _read_npy(path)
@@ -362,7 +362,7 @@ def write_depth(path: FilePath, depth: ArrayLike) -> None:
     """
     import tifffile
 
-    target = Path(path)
+    target = as_path(path)
     suffix = target.suffix.lower()
     if suffix not in (".npy", *_TIFF_SUFFIXES):
         raise InputError(f"{target} cannot hold a depth map: give a name that ends in .npy, .tif or .tiff.")
@@ -402,7 +402,7 @@ def write_grey(
     """
     import imageio.v3
 
-    target = Path(path)
+    target = as_path(path)
     suffix = target.suffix.lower()
     if suffix not in (".png", *_TIFF_SUFFIXES):
         raise InputError(f"{target} cannot hold a grey image: give a name that ends in .png, .tif or .tiff.")

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import PixelGrid
+from persfs_cl.choices import Scheme
 from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
 from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
-
-SCHEMES = ("auto", "lax-friedrichs", "upwind")
 
 _MATERIAL_KERNELS: dict[type[Reflectance], str] = {
     Lambertian: "lambertian",
@@ -65,13 +64,13 @@ class Model:
             raise InputError(f"light={light!r} is no known light: give a ParallelLight or a FlashLight.")
         if not (light.coaxial or light.falloff):
             raise InputError(
-                f"light={light!r} has no scheme here: a lamp without fall-off must be at the camera. Leave the offset "
-                "out, or photograph with fall-off."
+                f"light={light!r} has no scheme here: a lamp without fall-off must be at the camera. Leave its "
+                "place out, or photograph with fall-off."
             )
         if not light.falloff and not reflectance.monotone:
             raise InputError(
                 f"reflectance={reflectance!r} under a flash without fall-off: this material is not brightest face on, "
-                "so that a brightness belongs to two angles. Give FlashLight(falloff=True), or another material."
+                "so that a brightness belongs to two angles. Give a flash with fall-off, or another material."
             )
         material = _MATERIAL_KERNELS[type(reflectance)]
         return cls(light, reflectance, ("elementary", material, "flash_light" if light.falloff else "headlight"))
@@ -104,7 +103,7 @@ class Model:
         cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
         return np.interp(returned, self.reflectance.coaxial(cosines), cosines)
 
-    def scheme(self, chosen: str) -> str:
+    def scheme(self, chosen: Scheme) -> Scheme:
         """The scheme's name, "auto" resolved: the paper's under a parallel light, upwind under a flash.
 
         Raises
@@ -122,7 +121,7 @@ class Model:
         if resolved == "upwind" and not (self.at_camera or isinstance(self.reflectance, Lambertian)):
             raise InputError(
                 f"scheme='upwind' with reflectance={self.reflectance!r} under a parallel light: this scheme is for "
-                "Lambertian() there. Use scheme='lax-friedrichs'."
+                "perfectly matt materials there. Use scheme='lax-friedrichs'."
             )
         return resolved
 

@@ -137,7 +137,8 @@ def relief_picture(
     """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
 
     All three axes have the same scale. At most about 200 x 200 samples are drawn. A surface without any
-    square of four finite samples is drawn as dots.
+    square of four finite samples is drawn as dots. Where 1 pixel in 100, or fewer, would make the axes more than twice
+    as long, it is left out, and the picture says so.
 
     Parameters
     ----------
@@ -161,6 +162,8 @@ def relief_picture(
     """
     surface_points = surface.points(depth, camera)
     _require_finite("depth", surface_points)
+    far_off = _far_off(surface_points)
+    surface_points[far_off] = np.nan
     shape = surface_points.shape[:2]
     grey = None if image is None else np.asarray(image, dtype=np.float64)
     if grey is not None and grey.shape != shape:
@@ -197,7 +200,10 @@ def relief_picture(
             axes = figure.add_axes(place, projection="3d", facecolor="none")
             _draw_solid(axes, facets, colour, centre - extent / 2, centre + extent / 2)
         figure.text(0.5, 1 - 0.1 / height, title, ha="center", va="top", fontsize=12)
-        figure.text(0.5, 0.1 / height, f"x, y and depth in {unit}, one scale", ha="center", fontsize=9, color="0.35")
+        note = f"x, y and depth in {unit}, one scale"
+        if far_off.any():
+            note += f"\n{np.count_nonzero(far_off):,} pixels outside the view"
+        figure.text(0.5, 0.1 / height, note, ha="center", fontsize=9, color="0.35")
 
 
 def comparison_picture(
@@ -310,8 +316,9 @@ def confidence_picture(
         picture = _show(left, hundredths, "Slope error for a brightness\n1 % wrong (bright: worse)", "cividis")
         # Wider than a flat surface needs, for a scale of one value has no colours.
         picture.set_norm(LogNorm(low / 1.01, high * 1.01))
-        place = "bottom" if errors.shape[1] > 3 * errors.shape[0] else "left"
-        bar = figure.colorbar(picture, location=place, label="change of tan θ, in hundredths", extend="both")
+        place = "bottom" if errors.shape[1] > 3 * errors.shape[0] else "right"
+        label = "change of tan θ, in hundredths;\nθ: angle between normal and light"
+        bar = figure.colorbar(picture, location=place, label=label, extend="both")
         bar.long_axis.set_major_formatter("{x:g}")
         bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
         _show(right, classes, "In doubt, and why", ListedColormap(colours), (-0.5, len(colours) - 0.5))
@@ -453,6 +460,17 @@ def _interrupted(cuts: surface.Cuts, sampled: tuple[slice, slice]) -> NDArray[np
     along_columns = np.pad(np.cumsum(cuts.down, axis=0), ((1, 0), (0, 0)))[sampled]
     across, downwards = np.diff(along_rows, axis=1) > 0, np.diff(along_columns, axis=0) > 0
     return np.asarray(across[:-1] | across[1:] | downwards[:, :-1] | downwards[:, 1:])
+
+
+def _far_off(points: Array) -> NDArray[np.bool_]:
+    """The few points that lie so far from all others that those could hardly be seen."""
+    low, high = np.nanpercentile(points, (0.5, 99.5), axis=(0, 1))
+    longest = (high - low).max()
+    whole = np.nanmax(points, axis=(0, 1)) - np.nanmin(points, axis=(0, 1))
+    if whole.max() <= 2 * longest:
+        return np.zeros(points.shape[:2], bool)
+    margin = longest / 4
+    return np.asarray(((points < low - margin) | (points > high + margin)).any(axis=2))
 
 
 def _clay(towards_camera: Array) -> Array:

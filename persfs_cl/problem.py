@@ -119,16 +119,18 @@ class Problem:
         """
         log_depth = values.astype(np.float64)
         log_depth += self.level
-        log_depth *= self.sign
-        log_depth -= self.log_ray
+        if self.sign < 0:
+            np.negative(log_depth, out=log_depth)
+        if not isinstance(self.log_ray, float):
+            log_depth -= self.log_ray
         reached = self.domain.solved & (np.abs(log_depth) < _LARGEST)
         if not converged and np.isfinite(self.highest_known):
             step = self.max_slope * max(self.grid.dx, self.grid.dy)
             ways = domain.steps_from(self.domain.known, self.domain.known | self.domain.solved)
             reached &= values <= (self.highest_known + step * ways) * (1.0 + 1e-5) + 1e-6
-        log_depth[~reached] = np.nan
+        np.copyto(log_depth, np.nan, where=~reached)
         depth = np.exp(log_depth)
-        known = self.domain.known
+        known = np.nonzero(self.domain.known)
         depth[known] = self.known_depth[known]
         log_depth[known] = np.log(depth[known])
         return log_depth, depth
@@ -194,7 +196,8 @@ def prepare(
     """
     if not isinstance(camera, Camera):
         raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
-    photograph = require_image(image)
+    # A copy, so that the solution stays what it is whatever becomes of the user's array.
+    photograph = require_image(image).copy()
     shape = photograph.shape
     grid = camera.grid(shape)
     wanted = _require_mask("mask", mask, shape, default=True)
@@ -221,7 +224,8 @@ def prepare(
 
     sign = 1.0 if surface == "away" else -1.0
     log_ray = _log_of_ray(grid, model, scheme)
-    known = sign * (np.log(depths) + log_ray)[layout.known]
+    rays = log_ray if isinstance(log_ray, float) else log_ray[layout.known]
+    known = sign * (np.log(depths[layout.known]) + rays)
     if model.falls_off:
         shading, start, level = _at_unit_distance(given, layout.solved, grid, model)
         highest_known = np.inf
@@ -300,7 +304,7 @@ def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
 
 
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """The image as float64, shape (height, width); InputError when it is none."""
+    """The image as float64, shape (height, width), perhaps the very array given; InputError when it is none."""
     given = as_array("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
@@ -310,7 +314,7 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
             f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
             "(grey levels of 8 bits: divide by 255)."
         )
-    return given.astype(np.float64)
+    return given.astype(np.float64, copy=False)
 
 
 def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.light import Light, ParallelLight
 from persfs_cl.reference import brightness
@@ -23,7 +24,6 @@ from persfs_cl.reflectance import Lambertian, Reflectance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Surface = Literal["away", "toward"]
 VaseKnown = Literal["background and frame", "background"]
 
 _FRONTAL = ParallelLight()

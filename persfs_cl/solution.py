@@ -6,7 +6,7 @@ import enum
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
 from persfs_cl.confidence import Confidence, slope_error
 from persfs_cl.errors import InputError
-from persfs_cl.files import FilePath, atomic_path, filling
+from persfs_cl.files import FilePath, as_path, atomic_path, filling
 from persfs_cl.light import Light, ParallelLight
 from persfs_cl.reflectance import Reflectance
 
@@ -58,7 +58,7 @@ class Elapsed:
     build: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solution:
     """A reconstructed surface.
 
@@ -109,14 +109,21 @@ class Solution:
     status: Status
     elapsed: Elapsed
     device: Device
-    image: Array = field(repr=False)
+    image: Array
     camera: Camera
     light: Light
     reflectance: Reflectance
     parameters: Mapping[str, Any]
-    albedo: Array | None = field(default=None, repr=False)
-    walls: Mask | None = field(default=None, repr=False)
-    cuts: surface.Cuts | None = field(default=None, repr=False)
+    albedo: Array | None = None
+    walls: Mask | None = None
+    cuts: surface.Cuts | None = None
+
+    def __repr__(self) -> str:
+        height, width = self.depth.shape
+        rounds = "1 iteration" if self.iterations == 1 else f"{self.iterations} iterations"
+        solved = np.count_nonzero(self.solved)
+        depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if solved else ""
+        return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
 
     def normals(self) -> Array:
         """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved."""
@@ -304,7 +311,7 @@ class Solution:
         InputError
             When the suffix is unknown or the file cannot be written.
         """
-        target = Path(path)
+        target = as_path(path)
         if target.suffix and not folder and not target.is_dir():
             self._write(target, colour, report, doubts)
             return [target]

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +17,10 @@ from persfs_cl import lamp
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl.camera import Camera
+from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
-from persfs_cl.models import SCHEMES, Model
+from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare, require_image
 from persfs_cl.reflectance import Lambertian, Reflectance
 from persfs_cl.solution import Elapsed, Solution, Status
@@ -27,15 +28,16 @@ from persfs_cl.solution import Elapsed, Solution, Status
 Callback = Callable[[int, float], bool | None]
 
 _CHOICES = {
-    "surface": ("away", "toward"),
-    "boundary": ("auto", "outflow", "extrapolate", "fixed", "wall"),
-    "scheme": SCHEMES,
-    "ordering": ("wavefront", "checkerboard", "lexicographic"),
-    "precision": ("float32", "float64"),
+    "surface": get_args(Surface),
+    "boundary": get_args(Boundary),
+    "scheme": get_args(Scheme),
+    "ordering": get_args(Ordering),
+    "precision": get_args(Precision),
 }
 
 _MAX_SLOPE = 30.0
 _MAX_SLOPE_UPWIND = 5.0
+_STEEPEST = 1e6
 
 _FREE_CORRECTIONS = 40
 """Iterations of second order in which values may rise, at least."""
@@ -54,16 +56,16 @@ def reconstruct(
     walls: ArrayLike | None = None,
     known_depth: ArrayLike | None = None,
     albedo: ArrayLike | None = None,
-    surface: str = "away",
-    boundary: str = "auto",
-    scheme: str = "auto",
-    ordering: str = "wavefront",
+    surface: Surface = "away",
+    boundary: Boundary = "auto",
+    scheme: Scheme = "auto",
+    ordering: Ordering = "wavefront",
     accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
     max_slope: float | None = None,
     device: int | str | Device | None = None,
-    precision: str = "float32",
+    precision: Precision = "float32",
     callback: Callback | None = None,
     throw: bool = False,
 ) -> Solution:
@@ -181,16 +183,16 @@ def reconstruct_batch(
     walls: Sequence[ArrayLike | None] | None = None,
     known_depth: Sequence[ArrayLike | None] | None = None,
     albedo: Sequence[ArrayLike | None] | None = None,
-    surface: str = "away",
-    boundary: str = "auto",
-    scheme: str = "auto",
-    ordering: str = "wavefront",
+    surface: Surface = "away",
+    boundary: Boundary = "auto",
+    scheme: Scheme = "auto",
+    ordering: Ordering = "wavefront",
     accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
     max_slope: float | None = None,
     device: int | str | Device | None = None,
-    precision: str = "float32",
+    precision: Precision = "float32",
     callback: Callback | None = None,
     throw: bool = False,
 ) -> list[Solution]:
@@ -293,12 +295,13 @@ def reconstruct_batch(
         elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
         for place, number in enumerate(members):
             problem, (log_depth, depth) = problems[place], results[place]
+            solved = np.isfinite(depth)
             solutions[number] = Solution(
                 depth=depth,
                 log_depth=log_depth,
-                solved=np.isfinite(depth),
-                unreached=(problem.domain.solved | problem.domain.unreached) & np.isnan(depth),
-                clamped=clamped[place] & np.isfinite(depth),
+                solved=solved,
+                unreached=(problem.domain.solved | problem.domain.unreached) & ~solved,
+                clamped=clamped[place] & solved,
                 iterations=len(run.changes[place]),
                 changes=np.array(run.changes[place]),
                 status=run.statuses[place],
@@ -342,11 +345,11 @@ class Options:
         Naming the keyword, its value, and what it may be.
     """
 
-    surface: str
-    boundary: str
-    scheme: str
-    ordering: str
-    precision: str
+    surface: Surface
+    boundary: Boundary
+    scheme: Scheme
+    ordering: Ordering
+    precision: Precision
     accuracy_order: int
     max_iterations: int
     tolerance: float
@@ -364,8 +367,13 @@ class Options:
         _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
         if self.max_slope is not None:
             _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
+            if self.max_slope > _STEEPEST:
+                raise InputError(
+                    f"max_slope={self.max_slope!r} is no bound: 30 is a surface seen at 2 degrees from grazing. "
+                    f"Give at most {_STEEPEST:g}."
+                )
 
-    def resolved(self, model: Model, scheme: str) -> Options:
+    def resolved(self, model: Model, scheme: Scheme) -> Options:
         """The same with "auto" replaced, checked against the model.
 
         Raises

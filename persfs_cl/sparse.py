@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.errors import InputError
-from persfs_cl.files import FilePath, read_bytes
+from persfs_cl.files import FilePath, as_path, read_bytes
 
 Array = NDArray[np.float64]
 
@@ -60,7 +59,7 @@ def read_points(path: FilePath) -> Array:
     InputError
         When the file cannot be read, or a point lacks one of the three numbers.
     """
-    path = Path(path)
+    path = as_path(path)
     try:
         text = read_bytes(path).decode("utf-8-sig")
         entries = _from_json(text) if path.suffix.lower() == ".json" else _from_csv(text)

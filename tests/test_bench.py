@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -142,7 +143,7 @@ def test_yardsticks_do_the_lexicographic_sweep(
             before = peer.log_depth.copy()
             sweeps.sweep(number % 4)
             peer.sweep(number % 4)
-            # Kernels fuse multiply-adds, which plain C does not: that rounds otherwise, on the scale of the start value.
+            # Kernels fuse multiply-adds, which plain C does not: that rounds otherwise, on the start value's scale.
             swept, rounding = sweeps.log_depth()[0], np.finfo(precision).eps * before.max()
             np.testing.assert_allclose(peer.log_depth, swept, rtol=0, atol=4 * rounding)
             peer.log_depth[:] = swept
@@ -198,6 +199,14 @@ def test_plots_that_the_records_do_not_allow_go(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["yardsticks.png"]
 
 
+def test_rates_on_the_yardsticks_are_rounded_to_three_digits() -> None:
+    bars = [Record.of([rate], experiment="orderings", subject="a", quantity="rate", unit="Mc/s", size=64, images=1,
+                      precision="float32") for rate in (1184.0, 3.456)]  # fmt: skip
+    figure = plots._yardsticks(bars)
+    assert figure is not None
+    assert [text.get_text().strip() for text in figure.axes[0].texts] == ["3.46 Mc/s", "1,180 Mc/s"]
+
+
 def load(folder: Path) -> dict[str, Any]:
     content: dict[str, Any] = json.loads((folder / "bench.json").read_text(encoding="utf-8"))
     return content
@@ -227,6 +236,7 @@ def test_every_experiment_from_the_command_line(tmp_path: Path, monkeypatch: pyt
             assert record.highest is not None
             assert 0 < record.lowest <= record.median <= record.highest
     assert {record.images for record in records if record.experiment == "batch"} == {1, 3}
+    assert re.search(r"largest error after \d+ iterations, ln z", outcome.stdout)
     header = content["header"]
     assert header["device"]["driver_version"]
     assert header["versions"]["persfs-cl"] == ps.__version__

@@ -29,6 +29,7 @@ import persfs_cl as ps
 from persfs_cl import grey, solver
 from persfs_cl._cl import device as device_room
 from persfs_cl.cli import app
+from persfs_cl.cli.output import in_options
 from persfs_cl.cli.progress import remaining_iterations, stop_on_interrupt, writing
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.images import read_depth, read_photo, write_depth, write_grey
@@ -193,7 +194,9 @@ def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "photo.tif", image)
     np.save(tmp_path / "albedo.npy", albedo)
     files = ("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, "--albedo", tmp_path / "albedo.npy")
-    assert run(*files, *FLASH, *ROUGH).status == 0
+    outcome = run(*files, *FLASH, *ROUGH)
+    assert outcome.status == 0
+    assert "(0 to 255), from the photo itself by ME" in outcome.stderr, "nothing was done to it"
     report = strict(tmp_path / "out" / "report.json")
     given = {"kind": "FlashLight", "falloff": True, "gain": 0.8, "offset": [0, 0, 0]}
     assert report["parameters"]["light"] == given
@@ -260,6 +263,7 @@ def test_brightness_is_clipped_then_filtered_then_normalised(normalise: str, pho
         assert report[name]["root_mean_square"] == pytest.approx(errors.root_mean_square, rel=1e-9)
         assert f"by ME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}" in outcome.stderr
     assert report["grey_levels"]["mean_error"] != report["grey_levels_photo"]["mean_error"]
+    assert "from the prepared photo (clipped, filtered) by" in outcome.stderr
 
 
 @pytest.mark.usefixtures("quick")
@@ -291,6 +295,26 @@ def test_alpha_mask_and_walls_are_combined(tmp_path: Path) -> None:
     # Between any two rows the wall costs one square, whichever sides its pixels are on.
     height, width = HEIGHT - 4, WIDTH - 5
     assert len(mesh.faces) == 2 * (height - 1) * (width - 2)
+
+
+@pytest.mark.usefixtures("quick")
+def test_one_iteration_is_no_plural(photo: Path, tmp_path: Path) -> None:
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--max-iterations=1")
+    assert "after 1 iteration in" in outcome.stderr
+
+
+@pytest.mark.usefixtures("quick")
+def test_walls_nowhere_change_nothing(tmp_path: Path) -> None:
+    photo, walls = tmp_path / "photo.png", tmp_path / "walls.png"
+    Image.fromarray(np.rint(200 * SCENE.image).astype(np.uint8)).save(photo)
+    Image.fromarray(np.zeros((HEIGHT, WIDTH), np.uint8)).save(walls)
+    assert run("reconstruct", photo, "-o", tmp_path / "without", *FOCAL).status == 0
+    outcome = run("reconstruct", photo, "-o", tmp_path / "with", *FOCAL, "--walls", walls)
+    assert outcome.stderr.endswith(f"{walls} has no white pixel where the photo is solved: there are no walls.")
+    one, other = (np.load(tmp_path / name / "depth.npy") for name in ("without", "with"))
+    np.testing.assert_array_equal(one, other)
+    reports = [strict(tmp_path / name / "report.json")["photo"] for name in ("without", "with")]
+    assert reports[0]["normalise"] == reports[1]["normalise"] == "linear"
 
 
 @pytest.mark.usefixtures("quick")
@@ -390,7 +414,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "filter larger than the photo": (("--mean-filter=99",), 1, ("photo.png", "99")),
     "principal point far outside": (("--principal-point=500,3",), 1, ("photo.png", "far outside", "500")),
     "unknown device": (("--device=abacus",), 3, ("abacus", ps.devices()[0].name)),
-    "device out of range": (("--device=99",), 3, ("99",)),
+    "device out of range": (("--device=99",), 3, ("--device 99", "leave it out")),
     "focal length 0": (("--focal-length=0",), 2, ("--focal-length", "0", "between 0.001")),
     "negative focal length": (("--focal-length=-5",), 2, ("--focal-length", "-5")),
     "focal length nan": (("--focal-length=nan",), 2, ("--focal-length", "nan")),
@@ -406,7 +430,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "negative tolerance": (("--tolerance=-1",), 2, ("--tolerance",)),
     "tolerance nan": (("--tolerance=nan",), 2, ("--tolerance",)),
     "slope of 0": (("--max-slope=0",), 2, ("--max-slope", "above 0")),
-    "unknown surface": (("--surface=up",), 2, ("--surface", "up", "away", "toward")),
+    "unknown surface": (("--surface=up",), 2, ("for '--surface': 'up'", "away", "toward")),
     "unknown boundary": (("--boundary=open",), 2, ("open", "outflow", "extrapolate", "fixed", "wall")),
     "unknown light": (("--light=candle",), 2, ("candle", "parallel", "flash")),
     "gain of a parallel light": (("--gain=2",), 2, ("--gain", "goes with --light flash, not parallel")),
@@ -415,19 +439,19 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "slope of a flash": (("--light=flash", "--p0=0"), 2, ("--p0", "goes with --light parallel, not flash")),
     "gain of 0": (("--light=flash", "--gain=0"), 2, ("--gain", "above 0")),
     "flat lamp": (("--light=flash", "--lamp=1,2"), 2, ("--lamp", "1,2", "three numbers")),
-    "flash with a side": (("--light=flash", "--surface=toward"), 2, ("surface='toward'", "the image alone tells")),
+    "flash with a side": (("--light=flash", "--surface=toward"), 2, ("--surface toward", "Leave the option out")),
     "normalised flash": (("--light=flash", "--normalise=grey"), 2, ("--normalise", "leave it out")),
     "white flash": (("--light=flash", "--white-percentile=99"), 2, ("--white-percentile", "leave it out")),
-    "flash without size": (("--light=flash", "--no-falloff"), 1, ("photo.png", "known_depth")),
+    "flash without size": (("--light=flash", "--no-falloff"), 1, ("photo.png", "--known-depth", "--light flash")),
     "unknown material": (("--reflectance=velvet",), 2, ("velvet", "lambertian", "oren-nayar", "phong")),
     "roughness of phong": (("--reflectance=phong", "--roughness=1"), 2, ("--roughness", "oren-nayar, not phong")),
     "highlight of a matt surface": (("--shininess=5",), 2, ("--shininess", "phong, not lambertian")),
     "how rough": (("--reflectance=oren-nayar",), 2, ("--roughness", "needs it")),
-    "too rough": (("--reflectance=oren-nayar", "--roughness=2"), 2, ("roughness=2", "π/2")),
+    "too rough": (("--reflectance=oren-nayar", "--roughness=2"), 2, ("--roughness 2.0", "π/2")),
     "albedo of another size": (("--albedo=small.png",), 1, ("small.png", "(5, 6)")),
     "black paint": (("--albedo=black.png",), 1, ("photo.png", "albedo")),
     "third order": (("--accuracy-order=3",), 2, ("--accuracy-order",)),
-    "second order of the paper's scheme": (("--accuracy-order=2",), 2, ("accuracy_order=2", "scheme='upwind'")),
+    "second order of the paper's scheme": (("--accuracy-order=2",), 2, ("--accuracy-order 2", "Use --scheme upwind")),
     "unknown scheme": (("--scheme=best",), 2, ("best", "auto", "lax-friedrichs", "upwind")),
     "unknown option": (("--focus=3",), 2, ("--focus",)),
 }
@@ -451,6 +475,23 @@ def test_bad_option(case: str, photo: Path, tmp_path: Path, monkeypatch: pytest.
         assert message in outcome.stderr
     assert "Traceback" not in outcome.stderr
     assert names(tmp_path) == before
+
+
+OPTIONS = ("--scheme", "--known-depth", "--max-slope", "--principal-point", "--light", "--surface")
+SPELLINGS = {
+    "photo.png: boundary='wall' with scheme='upwind'.": "photo.png: boundary='wall' with --scheme upwind.",
+    "Leave the keyword out, or give known_depth.": "Leave the option out, or give --known-depth.",
+    "max_slope=-1e-05: max_slope=1.5. (max_slope=nan)": "--max-slope -1e-05: --max-slope 1.5. (--max-slope nan)",
+    "principal_point=(500, 3.5) is far outside": "--principal-point 500,3.5 is far outside",
+    "light=FlashLight(gain=1.0, offset=(0, 0, 0)) fades": "--light flash fades",
+    "the surface, --max-slope, and a keyword": "the surface, --max-slope, and a keyword",
+    "a/known_depth/b max_slope=3.png known_depth.npy": "a/known_depth/b max_slope=3.png known_depth.npy",
+}
+
+
+@pytest.mark.parametrize("message", SPELLINGS)
+def test_keywords_become_options(message: str) -> None:
+    assert in_options(message, OPTIONS) == SPELLINGS[message]
 
 
 def test_output_folder_is_checked_before_the_photo_is_read(tmp_path: Path) -> None:
@@ -978,7 +1019,7 @@ def test_highlights_are_left_out_or_filled(highlights: str, tmp_path: Path) -> N
         (("--ambient=nan",), 2, ("--ambient", "nan is no brightness")),
         (("--ambient=none.png",), 1, ("none.png", "does not exist")),
         (("--ambient=small.png",), 1, ("small.png", "(5, 6)")),
-        (("--ambient=70000",), 1, ("photo.png", "ambient=70000 is more than 65535")),
+        (("--ambient=70000",), 1, ("photo.png", "--ambient 70000 is more than 65535")),
         (("--ambient=65535",), 1, ("photo.png", "No pixel is brighter than the ambient light")),
         (("--vignetting=cos5",), 1, ("cos5", "does not exist")),
         (("--vignetting=small.png",), 1, ("small.png", "(5, 6)")),

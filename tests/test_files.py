@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from persfs_cl.errors import InputError
-from persfs_cl.files import atomic_path, filling, read_bytes
+from persfs_cl.files import as_path, atomic_path, filling, read_bytes
 
 
 def test_the_target_appears_only_when_the_block_ends(tmp_path: Path) -> None:
@@ -166,6 +168,12 @@ def fill(folder: Path, failure: BaseException | None = None) -> None:
             (temporary / name).write_text("new")
         if failure:
             raise failure
+
+
+@pytest.mark.parametrize("use", [as_path, write_to, fill, read_bytes])
+def test_what_is_no_path_is_refused(use: Callable[[Any], object]) -> None:
+    with pytest.raises(InputError, match=r"3 is no path: give a text or a pathlib\.Path"):
+        use(3)
 
 
 def test_a_folder_is_filled_with_all_files_at_once(tmp_path: Path) -> None:

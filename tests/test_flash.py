@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.choices import Precision
 from persfs_cl.reflectance import Reflectance
 from persfs_cl.scenes import Scene
 
@@ -166,7 +167,7 @@ HARD = {
 @pytest.mark.parametrize("name", HARD)
 @each_material
 def test_every_pixel_gets_a_depth_at_which_it_may_be_as_bright(
-    device: ps.Device, precision: str, name: str, material: Reflectance
+    device: ps.Device, precision: Precision, name: str, material: Reflectance
 ) -> None:
     """No pixel is farther than if it faced the camera, nor climbs steeper than allowed from any neighbour."""
     image, camera, max_slope = HARD[name], ps.Camera(25.0), 20.0

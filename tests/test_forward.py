@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.choices import Precision
 from persfs_cl.light import Light
 from persfs_cl.reference import brightness
 from persfs_cl.reflectance import Reflectance
@@ -35,7 +36,9 @@ each_model = pytest.mark.parametrize(
 
 
 @each_model
-def test_kernel_equals_the_formula(device: ps.Device, precision: str, light: Light, reflectance: Reflectance) -> None:
+def test_kernel_equals_the_formula(
+    device: ps.Device, precision: Precision, light: Light, reflectance: Reflectance
+) -> None:
     scene = ps.bumps(shape=(37, 53))
     depth = 7.0 * scene.depth
     depth[5:9, 11:20] = np.nan
@@ -100,6 +103,6 @@ def test_wrong_kinds_of_input_are_refused() -> None:
     with pytest.raises(ps.InputError, match="no Camera"):
         ps.render(np.ones((3, 3)), None)  # type: ignore[arg-type]
     with pytest.raises(ps.InputError, match="precision"):
-        ps.render(np.ones((3, 3)), ps.Camera(10.0), precision="x")
+        ps.render(np.ones((3, 3)), ps.Camera(10.0), precision="x")  # type: ignore[arg-type]
     with pytest.raises(ps.InputError, match="infinite"):
         ps.render(np.full((3, 3), np.inf), ps.Camera(10.0))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.choices import Precision
 from persfs_cl.models import Model
 from persfs_cl.reference import brightness
 from persfs_cl.reflectance import Reflectance
@@ -130,7 +131,7 @@ class TestFlashWithoutFalloff:
         assert (darker <= 0.0).all()
 
     @each_material
-    def test_render_is_the_formula(self, device: ps.Device, precision: str, material: Reflectance) -> None:
+    def test_render_is_the_formula(self, device: ps.Device, precision: Precision, material: Reflectance) -> None:
         scene = ps.bumps(shape=(37, 53))
         depth = 7.0 * scene.depth
         depth[5:9, 11:20] = np.nan
@@ -240,7 +241,7 @@ class TestMaterialsUnderAParallelLight:
     @pytest.mark.parametrize("light", [ps.ParallelLight(), OBLIQUE, ps.ParallelLight(-1.5, 2.5)], ids=str)
     @pytest.mark.parametrize("material", OTHERS, ids=str)
     def test_render_is_the_formula(
-        self, device: ps.Device, precision: str, material: Reflectance, light: ps.ParallelLight
+        self, device: ps.Device, precision: Precision, material: Reflectance, light: ps.ParallelLight
     ) -> None:
         depth = np.exp(np.random.default_rng(3).uniform(-0.02, 0.02, (30, 41)))
         camera = ps.Camera(15.0)

@@ -147,6 +147,18 @@ def test_relief_has_one_scale_on_all_axes_and_the_near_side_up(tmp_path: Path, d
         np.testing.assert_allclose(axes._box_aspect / sides, (axes._box_aspect / sides)[0])
 
 
+@pytest.mark.parametrize(("far", "shown"), [(30.0, 3.0), (4.5, 4.5)])
+def test_relief_leaves_out_the_few_pixels_that_would_shrink_all_others(
+    far: float, shown: float, tmp_path: Path, drawn: Drawn
+) -> None:
+    depth = 10.0 * (a_bump((40, 40)) - 2.0) + 2.0
+    depth *= 3.0 / depth.max()
+    depth[2:4, 3:5] = far
+    pictures.relief_picture(tmp_path / "relief.png", depth, CAMERA)
+    assert drawn[0].axes[0].get_zlim()[0] == pytest.approx(shown)
+    assert ("4 pixels outside the view" in drawn[0].texts[-1].get_text()) == (far > shown)
+
+
 def test_relief_draws_a_large_photograph_with_few_samples(tmp_path: Path, drawn: Drawn) -> None:
     depth = np.full((500, 900), np.nan)
     depth[100:350, 200:700] = a_bump((250, 500))
@@ -204,7 +216,8 @@ def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Dr
     never[1, 0] = True
     doubts = {"dark": dark, "shiny": shiny, "also dark": never}
     pictures.confidence_picture(tmp_path / "confidence.png", errors, doubts)
-    left, right, _bar = drawn[0].axes
+    left, right, bar = drawn[0].axes
+    assert "θ: angle between normal and light" in bar.get_ylabel()
     np.testing.assert_allclose(np.ma.filled(left.images[0].get_array(), np.nan), 100 * errors)
     assert np.ma.filled(right.images[0].get_array(), -1).tolist() == [[-1, 0, 0, 0], [1, 1, 1, 1], [0, 0, 2, 2]]
     (legend,) = drawn[0].legends

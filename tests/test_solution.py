@@ -7,6 +7,7 @@ import errno
 import itertools
 import json
 import os
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,23 @@ def test_geometry_belongs_together(solution: ps.Solution) -> None:
     assert len(mesh.vertices) == solution.solved.sum()
     visual: Any = mesh.visual
     assert visual.vertex_colors.shape == (len(mesh.vertices), 4)
+
+
+def test_it_says_what_it_is_in_a_line(solution: ps.Solution) -> None:
+    said = repr(solution)
+    assert "\n" not in said
+    low, high = np.nanmin(solution.depth), np.nanmax(solution.depth)
+    for part in ("CONVERGED", f"{solution.iterations} iterations", "1960 of 50 x 40", f"{low:.4g} to {high:.4g}"):
+        assert part in said
+
+
+def test_it_travels_to_other_processes(solution: ps.Solution) -> None:
+    other = pickle.loads(pickle.dumps(solution))
+    assert other.device is solution.device
+    np.testing.assert_array_equal(other.depth, solution.depth)
+    elsewhere = pickle.dumps(solution).replace(solution.device.name.encode(), b"?" * len(solution.device.name))
+    with pytest.raises(ps.DeviceError, match="is not there"):
+        pickle.loads(elsewhere)
 
 
 def test_the_rendered_surface_resembles_the_image(solution: ps.Solution) -> None:
@@ -158,6 +176,8 @@ def test_saving_where_it_cannot_be_is_refused(solution: ps.Solution, tmp_path: P
     (tmp_path / "file").write_text("")
     with pytest.raises(ps.InputError, match=r"folder cannot be written: Not a directory.*choose another path"):
         solution.save(tmp_path / "file" / "folder")
+    with pytest.raises(ps.InputError, match="3 is no path"):
+        solution.save(3)  # type: ignore[arg-type]
     assert not (tmp_path / "surface.xyz").exists()
 
 

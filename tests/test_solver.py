@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.choices import Boundary
 from persfs_cl.scenes import Scene
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
@@ -168,7 +169,7 @@ def test_nothing_crosses_a_wall() -> None:
 
 
 @pytest.mark.parametrize("boundary", ["outflow", "wall", "extrapolate"])
-def test_open_edges_let_the_surface_flow_out(boundary: str) -> None:
+def test_open_edges_let_the_surface_flow_out(boundary: Boundary) -> None:
     """A surface that grows from one line: what lies outside the image must not matter."""
     size = 48
     columns = np.indices((size, size))[1]
@@ -316,6 +317,7 @@ def depths(value: float) -> np.ndarray[Any, Any]:
         ({"tolerance": -1.0}, "tolerance"),
         ({"tolerance": float("nan")}, "tolerance"),
         ({"max_slope": 0.0}, "greater than 0"),
+        ({"max_slope": 1e30}, r"at most 1e\+06"),
         ({"light": "lamp"}, "ParallelLight"),
         ({"reflectance": None}, "Lambertian"),
         ({"camera": 590.0}, "no Camera"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.choices import Surface
 from persfs_cl.errors import UnavailableError
 from persfs_cl.paper import fast_marching
 from persfs_cl.paper.tankus import Iterate, iterations
@@ -129,7 +130,7 @@ def test_a_bump_is_found_to_first_order(surface: Any, light: ps.ParallelLight) -
 
 @both_ways
 @pytest.mark.parametrize("make", [ps.bump, ps.bumps, ps.sphere_cap])
-def test_it_converges_to_the_surface_of_the_upwind_scheme(make: Any, surface: str) -> None:
+def test_it_converges_to_the_surface_of_the_upwind_scheme(make: Any, surface: Surface) -> None:
     scene = make((61, 73), surface=surface, focal_length=(60.0, 50.0))
     found = solve(scene, 20)
     assert found.change < 1e-8

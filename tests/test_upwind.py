@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.choices import Precision, Surface
 from persfs_cl.domain import steps_from
 from persfs_cl.scenes import Scene
 
@@ -119,7 +120,7 @@ def test_every_pixel_gets_a_depth_that_its_neighbours_allow(
 
 
 @both_ways
-def test_masks_with_lost_pixels_and_walls(device: ps.Device, precision: str, surface: str) -> None:
+def test_masks_with_lost_pixels_and_walls(device: ps.Device, precision: Precision, surface: Surface) -> None:
     shape, random = (37, 41), np.random.default_rng(3)
     camera, image = ps.Camera(50.0), uniform(0.2, 1.0, shape)
     mask, walls = random.uniform(size=shape) > 0.4, random.uniform(size=shape) > 0.9

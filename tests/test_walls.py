@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl import pictures, surface
+from persfs_cl.choices import Precision
 from persfs_cl.domain import Neighbours, rim
 from persfs_cl.light import Light
 from persfs_cl.reference import brightness
@@ -155,7 +156,7 @@ def test_normals_and_brightness_do_not_look_across(light: Light) -> None:
 
 
 @pytest.mark.parametrize("light", [ps.ParallelLight(0.2, -0.1), FLASH])
-def test_the_kernel_renders_cuts_like_the_formula(light: Light, device: ps.Device, precision: str) -> None:
+def test_the_kernel_renders_cuts_like_the_formula(light: Light, device: ps.Device, precision: Precision) -> None:
     random = np.random.default_rng(5)
     depth = np.exp(0.01 * random.standard_normal((23, 31)))
     depth[random.uniform(size=depth.shape) > 0.9] = np.nan

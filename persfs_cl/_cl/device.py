@@ -7,6 +7,7 @@ import os
 import re
 import threading
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pyopencl as cl
@@ -18,6 +19,7 @@ INSTALL_HINT = (
     "'apt install pocl-opencl-icd' (CPU, Debian and Ubuntu), or your GPU's driver. "
     "'persfs-cl devices' lists what is found."
 )
+_SELECT = "Give one of these numbers, part of a name, 'cpu' or 'gpu', or leave it out."
 
 
 class Device:
@@ -103,6 +105,17 @@ class Device:
     def __repr__(self) -> str:
         return f"Device({self.index}, {self.kind}, {self})"
 
+    def __reduce__(self) -> tuple[Callable[..., Device], tuple[str, str]]:
+        """Pickled as what it is called: another process, or machine, looks for a device of that name."""
+        return _named, (self.name, self.platform_version)
+
+
+def _named(name: str, platform_version: str) -> Device:
+    for device in devices():
+        if (device.name, device.platform_version) == (name, platform_version):
+            return device
+    raise DeviceError(f"The device {name} ({platform_version}) of a pickled result is not there. {INSTALL_HINT}")
+
 
 def _kind(handle: cl.Device) -> str:
     if handle.type & cl.device_type.GPU:
@@ -176,7 +189,7 @@ def select_device(selector: int | str | Device | None = None) -> Device:
     if isinstance(selector, (int, np.integer)) and not isinstance(selector, bool):
         if 0 <= selector < len(found):
             return found[selector]
-        raise DeviceError(f"device={selector} does not exist. There are: {listing}.")
+        raise DeviceError(f"device={selector} does not exist. There are: {listing}. {_SELECT}")
     if isinstance(selector, str) and selector.strip():
         if selector.strip().isdigit():
             return select_device(int(selector))
@@ -185,7 +198,7 @@ def select_device(selector: int | str | Device | None = None) -> Device:
             by_name = wanted in f"{device.name} {device.platform} {device.platform_version}".lower()
             if device.kind == wanted or (wanted not in ("cpu", "gpu") and by_name):
                 return device
-        raise DeviceError(f"No OpenCL device fits device={selector!r}. There are: {listing}.")
+        raise DeviceError(f"No OpenCL device fits device={selector!r}. There are: {listing}. {_SELECT}")
     raise DeviceError(
         f"device={selector!r} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
     )

@@ -15,12 +15,13 @@ import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
+from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.grey import mean_filter
 from persfs_cl.light import Light
 from persfs_cl.reflectance import Reflectance
 from persfs_cl.scanned import mesh_scene, stanford_bunny
-from persfs_cl.scenes import Scene, Surface
+from persfs_cl.scenes import Scene
 
 ERROR, ERROR_SCALED, ORDER = "mean error", "mean error, one scale", "fitted order"
 DEPTH, SHARE = "depth", "% of the relief"

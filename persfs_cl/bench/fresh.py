@@ -12,9 +12,11 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import persfs_cl as ps
 from persfs_cl.bench.subjects import smooth_image
+from persfs_cl.choices import Ordering, Precision
 from persfs_cl.errors import PersfsError
 
 _ITERATIONS = 4
@@ -56,13 +58,13 @@ def cache_folders(folder: Path) -> dict[str, str]:
     return {name: str(folder / name) for name in names}
 
 
-def compilation(device: int, ordering: str, precision: str) -> dict[str, float]:
+def compilation(device: int, ordering: Ordering, precision: Precision) -> dict[str, float]:
     """Seconds of the first reconstruction in this process, and of the second, of a tiny image."""
     first, second = (_seconds(16, device, ordering, precision) for _ in range(2))
     return {"first": first, "second": second}
 
 
-def memory(device: int, size: int, precision: str) -> dict[str, float]:
+def memory(device: int, size: int, precision: Precision) -> dict[str, float]:
     """Peak memory of this process in bytes, before and after the reconstruction of one image."""
     compilation(device, "wavefront", precision)
     before = peak_memory()
@@ -70,7 +72,7 @@ def memory(device: int, size: int, precision: str) -> dict[str, float]:
     return {"before": before, "peak": peak_memory()}
 
 
-def _seconds(size: int, device: int, ordering: str, precision: str) -> float:
+def _seconds(size: int, device: int, ordering: Ordering, precision: Precision) -> float:
     image, camera = smooth_image(size), ps.Camera(float(size))
     began = time.perf_counter()
     ps.reconstruct(
@@ -99,7 +101,7 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def _main(what: str, device: str, *rest: str) -> None:
+def _main(what: str, device: str, *rest: Any) -> None:
     if what == "compilation":
         ordering, precision = rest
         values = compilation(int(device), ordering, precision)

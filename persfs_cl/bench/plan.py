@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from persfs_cl._cl.device import Device
+from persfs_cl.choices import Ordering, Precision
 
 STANDARD_SIZES = (128, 256, 512, 1024, 2048, 4096)
 _STANDARD_SIZE = 2048
@@ -31,8 +32,8 @@ class Plan:
     device: Device
     sizes: tuple[int, ...] | None = None
     batch: tuple[int, ...] = (1, 4, 16, 64)
-    orderings: tuple[str, ...] = ("wavefront", "checkerboard", "lexicographic")
-    precision: str = "float32"
+    orderings: tuple[Ordering, ...] = ("wavefront", "checkerboard", "lexicographic")
+    precision: Precision = "float32"
     repeats: int = 5
     least_seconds: float = 0.05
 

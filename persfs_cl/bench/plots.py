@@ -120,7 +120,8 @@ def _yardsticks(records: Sequence[Record]) -> Figure | None:
     axes.barh(names, medians, xerr=errors, color=colours, error_kw={"elinewidth": 0.8, "capsize": 2})
     for place, record in enumerate(bars):
         factor = "" if record.factor is None else f", {record.factor:.1f} × {PLAIN_C}"
-        text = f"  {record.median:.3g} {RATE_UNIT}{factor}"
+        rounded = float(f"{record.median or 0.0:.3g}")
+        text = f"  {rounded:,g} {RATE_UNIT}{factor}"
         axes.annotate(text, (record.highest or 0.0, place), va="center", fontsize=7)
     axes.set_xlabel(_RATE_LABEL)
     axes.set_xlim(0, 1.45 * max(record.highest or 0.0 for record in bars))
@@ -136,14 +137,20 @@ def _convergence(records: Sequence[Record]) -> Figure | None:
     figure = _figure(10.4, 4.2)
     by_sweep, by_second = figure.subplots(1, 2, sharey=True)
     subjects = dict.fromkeys(record.subject for record in chosen)
-    for marker, line, subject in zip(_MARKERS, _LINES, subjects, strict=False):
+    for number, (marker, line, subject) in enumerate(zip(_MARKERS, _LINES, subjects, strict=False)):
         errors, elapsed = (
             [record.median for record in chosen if record.subject == subject and record.quantity == quantity]
             for quantity in (ERROR, ELAPSED)
         )
         sweeps = [4 * (k + 1) for k in range(len(errors))]
-        # Two orderings may have the same errors: the first then shows between the dashes of the second.
-        style = {"marker": marker, "markevery": max(1, len(errors) // 8), "linestyle": line, "label": subject}
+        # Two orderings may have the same errors: the first then shows between dashes and markers of the second.
+        apart = max(1, len(errors) // 8)
+        style = {
+            "marker": marker,
+            "markevery": (number * apart // len(_LINES), apart),
+            "linestyle": line,
+            "label": subject,
+        }
         by_sweep.semilogy(sweeps, errors, **style)
         by_second.loglog(elapsed, errors, **style)
     by_sweep.set_ylim(top=_LARGEST_SHOWN)

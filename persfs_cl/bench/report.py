@@ -37,7 +37,7 @@ def table(experiment: str, records: Sequence[Record]) -> Table:
 
 
 def _line(record: Record) -> dict[str, str]:
-    after = f" after {record.iteration}" if record.iteration else ""
+    after = f" after {record.iteration} iterations" if record.iteration else ""
     unit = f", {record.unit}" if record.unit else ""
     once = record.median is None or record.repeats == 1
     return {

@@ -76,15 +76,15 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     records = [record(rates, name, "bandwidth", "GB/s", "read and written") for name, rates in bandwidths.items()]
     records.append(record(arithmetic, "multiply-adds", "arithmetic", "Gflop/s", "two operations each"))
     nearest = bandwidths["copy, as large as the image"]
-    for ordering, subject in subjects.items():
-        moved = itemsize * NUMBERS_A_CELL[ordering]
+    for name, subject in subjects.items():
+        moved = itemsize * NUMBERS_A_CELL[name]
         for quantity, unit_a_cell, limits, detail in (
             ("share of copy bandwidth", moved, nearest, f"{moved} B a cell"),
             ("share of multiply-adds", OPERATIONS_A_CELL, arithmetic, f"{OPERATIONS_A_CELL} operations a cell"),
         ):
-            rates = timings[ordering].rates(1e-9 * unit_a_cell * subject.cells)
+            rates = timings[name].rates(1e-9 * unit_a_cell * subject.cells)
             shares = [100.0 * rate / limit for rate, limit in zip(rates, limits, strict=True)]
-            records.append(record(shares, ordering, quantity, "%", detail))
+            records.append(record(shares, name, quantity, "%", detail))
     yield records
 
 

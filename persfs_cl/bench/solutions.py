@@ -15,6 +15,7 @@ from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.timing import Timing, take_turns
+from persfs_cl.choices import Ordering
 from persfs_cl.errors import UnavailableError
 
 TIME = "time"
@@ -45,7 +46,9 @@ def small_image(plan: Plan) -> Iterator[list[Record]]:
     """The paper's vase of 100 × 100 pixels and its 30 iterations, from call to return."""
     scene = ps.vase()
     exactly = {"max_iterations": _VASE_ITERATIONS, "tolerance": 0.0}
-    solvers = {ordering: partial(_reconstruct, plan, scene, ordering, **exactly) for ordering in plan.orderings}
+    solvers: dict[str, Solver] = {
+        ordering: partial(_reconstruct, plan, scene, ordering, **exactly) for ordering in plan.orderings
+    }
     # Single calls, and many: the median is what a user sees.
     timings = _timed(solvers, 10 * plan.repeats, 0.0)
     size = scene.image.shape[0]
@@ -84,7 +87,7 @@ def solutions(plan: Plan) -> Iterator[list[Record]]:
         yield records + skipped
 
 
-def _reconstruct(plan: Plan, scene: ps.Scene, ordering: str, **keywords: Any) -> Outcome:
+def _reconstruct(plan: Plan, scene: ps.Scene, ordering: Ordering, **keywords: Any) -> Outcome:
     solution = ps.reconstruct(
         scene.image,
         scene.camera,

@@ -16,6 +16,7 @@ from persfs_cl.cli.bench import bench
 from persfs_cl.cli.compare import compare
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
+from persfs_cl.cli.output import in_options
 from persfs_cl.cli.paper import paper
 from persfs_cl.cli.progress import INTERRUPTED
 from persfs_cl.cli.reconstruct import reconstruct
@@ -79,7 +80,7 @@ persfs-cl paper -o result
 
 persfs-cl paper --quick
 
-It needs numba: pip install 'persfs-cl[paper]'.
+It needs numba: pip install 'persfs-cl\\[paper]'.
 
 Ctrl-C keeps the tables that are finished; the exit status is 130.
 """
@@ -91,8 +92,12 @@ class _Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
+        except typer.BadParameter as error:
+            # Some versions of typer put pydantic's words before the message.
+            error.message = self._in_options(ctx, error.message.removeprefix("Value error, "))
+            raise
         except PersfsError as error:
-            typer.echo(f"persfs-cl: {error}", err=True)
+            typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
             raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
         except OSError as error:
             # Files fail as InputError and name themselves. A pipe whose reader has left is typer's business.
@@ -108,6 +113,11 @@ class _Commands(TyperGroup):
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from error
+
+    def _in_options(self, ctx: Any, message: str) -> str:
+        parameters = self.commands[ctx.invoked_subcommand].params
+        names = [name for parameter in parameters for name in parameter.opts if name.startswith("--")]
+        return in_options(message, names)
 
 
 def _abandon_stdout() -> None:

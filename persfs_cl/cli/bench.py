@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -22,6 +22,8 @@ from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.cli.options import DeviceOption, PrecisionOption
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.progress import INTERRUPTED, writing
+
+_Choice = TypeVar("_Choice", bound=str)
 
 _ORDERINGS = Plan.orderings
 _QUICK_SIZES, _QUICK_BATCH = (128, 256), (1, 4)
@@ -148,7 +150,7 @@ def _numbers(option: str, text: str | None, *, least: int) -> tuple[int, ...] | 
     return tuple(numbers)
 
 
-def _known(option: str, names: list[str], choices: tuple[str, ...]) -> tuple[str, ...]:
+def _known(option: str, names: list[str], choices: tuple[_Choice, ...]) -> tuple[_Choice, ...]:
     """The names in the order of the choices, each once."""
     if unknown := [name for name in names if name not in choices]:
         raise typer.BadParameter(f"{unknown[0]!r} is not a choice: use {', '.join(choices)}.", param_hint=f"'{option}'")

@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal
 import typer
 
 from persfs_cl.camera import Camera
+from persfs_cl.choices import Precision
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
 from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
 
-Precision = Literal["float32", "float64"]
 LightKind = Literal["parallel", "flash"]
 ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]
 

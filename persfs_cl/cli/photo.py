@@ -210,8 +210,12 @@ def solve_photo(
             lit = wanted & np.isfinite(photo.image)
             # Their light tells which side walls belong to: corrected like all other, but not mixed with it.
             alone = replace(preparation, highlights="keep", clip_highlights=None, mean_filter=1)
-            light = np.where(barriers & lit, prepare_photo(photo, pinhole, alone, mask=lit).light, prepared.light)
-            prepared = replace(prepared, light=light, unfiltered=np.where(barriers & lit, light, prepared.unfiltered))
+            of_walls = prepare_photo(photo, pinhole, alone, mask=lit).light
+            prepared = replace(
+                prepared,
+                light=np.where(barriers & lit, of_walls, prepared.light),
+                unfiltered=np.where(barriers & lit, of_walls, prepared.unfiltered),
+            )
         image, unfiltered, done = brightness.of(prepared, light)
         if prepared.masked.any():
             solvable = wanted & ~prepared.masked

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import _thread
 import math
+import os
 import signal
 import sys
 import threading
@@ -124,6 +125,8 @@ def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
     def ask(_number: int, _frame: FrameType | None) -> None:
         pressed.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        # Not by print: the signal may have come in the middle of one.
+        os.write(2, b"persfs-cl: stopping; the surface as it is will be written. Ctrl-C again to leave without.\n")
 
     previous = signal.getsignal(signal.SIGINT)
     # A shell starts background jobs with Ctrl-C ignored: that must stay so.

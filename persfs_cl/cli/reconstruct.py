@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from persfs_cl.choices import Boundary, Ordering, Scheme, Surface
 from persfs_cl.cli.options import (
     AlbedoOption,
     CameraOptions,
@@ -42,11 +43,6 @@ from persfs_cl.models import Model
 from persfs_cl.photograph import Highlights, Normalise
 from persfs_cl.solution import Status
 from persfs_cl.solver import Options
-
-Surface = Literal["away", "toward"]
-Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
-Scheme = Literal["auto", "lax-friedrichs", "upwind"]
-Ordering = Literal["wavefront", "checkerboard", "lexicographic"]
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
 
@@ -354,14 +350,21 @@ def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
     grey, photo = solution.grey_errors(), result.photo_errors()
+    said = result.report["photo"]
+    steps = {
+        "clipped": said["clip_highlights"] is not None,
+        "highlights filled": said["filled_pixels"] > 0,
+        "filtered": said["mean_filter"] > 1,
+    }
+    prepared = ", ".join(step for step, done in steps.items() if done)
     text = (
-        f"{solution.status.name} after {solution.iterations} iterations in {solution.elapsed.total:.2f} s on "
-        f"{solution.device.name}. {solution.status.value}\n"
+        f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
+        f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
         "Photographed again, the surface differs, in grey levels (0 to 255),\n"
-        f"  from the prepared photo (clipped, filtered, normalised) by ME {grey.mean:.2f}, "
-        f"RS {grey.root_mean_square:.2f},\n"
-        f"  from the photo itself by ME {photo.mean:.2f}, RS {photo.root_mean_square:.2f}."
     )
+    if prepared:
+        text += f"  from the prepared photo ({prepared}) by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f},\n"
+    text += f"  from the photo itself by ME {photo.mean:.2f}, RS {photo.root_mean_square:.2f}."
     if clamped := int(solution.clamped.sum()):
         text += (
             f"\n{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: "
@@ -369,7 +372,9 @@ def _summary(result: PhotoSolution) -> str:
         )
     if unreached := int(solution.unreached.sum()):
         text += f"\n{unreached} pixels have no depth: no known depth can reach them."
-    if solution.walls is not None:
+    if solution.walls is not None and not solution.walls.any():
+        text += f"\n{said['walls']} has no white pixel where the photo is solved: there are no walls."
+    elif solution.walls is not None:
         filled = int((solution.walls & solution.solved).sum())
         text += f"\n{filled} of {int(solution.walls.sum())} pixels on walls have got their depth from one of the sides."
     return text

@@ -1,4 +1,4 @@
-"""What the paper leaves open about the vase, varied one thing at a time from protocol V."""
+"""What the paper leaves open about the vase, varied one thing at a time from Table 1."""
 
 from __future__ import annotations
 
@@ -88,12 +88,12 @@ class Variation:
 
 
 def variations(plan: Plan) -> Iterator[Variation]:
-    """All of them, protocol V itself first."""
+    """All of them, Table 1 itself first."""
     usual = vase()
     frame = rim(np.ones_like(usual.mask))
     everywhere = np.ones_like(usual.mask)
     ridge = usual.mask & (np.abs(usual.camera.grid((100, 100)).x) < usual.camera.grid((100, 100)).dx)
-    yield Variation("protocol V", "as in Table 1", usual)
+    yield Variation("nothing", "as in Table 1", usual)
     for offset in (0.5, 2.0, 5.0):
         yield Variation("depth of the background", f"{offset:g} focal lengths, not 1", vase(offset=offset))
     yield Variation("side", "toward the camera", vase(surface="toward"))

@@ -1,4 +1,4 @@
-"""Table 1 and Figure 2: the synthetic vase, under protocol V.
+"""Table 1 and Figure 2: the synthetic vase, as docs/paper.md states it.
 
 The paper leaves open how far away the vase is, where the optical axis meets it, and what is known. Here the focal
 length of 100 pixels is the width of the image, the axis meets its middle, the background is one focal length away, with
@@ -35,7 +35,7 @@ _CLOSEST = "closest reading"
 
 
 def judged(scene: Scene, depth: NDArray[np.float64]) -> Errors:
-    """Errors of the height under protocol V."""
+    """Errors of the height, both heights scaled to [0, 1]."""
     return compare(depth, scene.depth, align="range")
 
 

@@ -1,0 +1,11 @@
+"""What the keywords of :func:`persfs_cl.reconstruct` that are words may be."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Surface = Literal["away", "toward"]
+Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
+Scheme = Literal["auto", "lax-friedrichs", "upwind"]
+Ordering = Literal["wavefront", "checkerboard", "lexicographic"]
+Precision = Literal["float32", "float64"]
