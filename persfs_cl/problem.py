@@ -123,7 +123,7 @@ class Problem:
             np.negative(log_depth, out=log_depth)
         if not isinstance(self.log_ray, float):
             log_depth -= self.log_ray
-        reached = self.domain.solved & (np.abs(log_depth) < _LARGEST)
+        reached = self.domain.solved & (log_depth < _LARGEST) & (log_depth > -_LARGEST)
         if not converged and np.isfinite(self.highest_known):
             step = self.max_slope * max(self.grid.dx, self.grid.dy)
             ways = domain.steps_from(self.domain.known, self.domain.known | self.domain.solved)
@@ -399,4 +399,4 @@ def _require_depths(given: ArrayLike | None, shape: tuple[int, int], assumed: ND
         )
     if np.isnan(depths).all():
         raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
-    return depths.astype(np.float64)
+    return depths.astype(np.float64, copy=False)
