@@ -168,6 +168,9 @@ class Problem:
             rows = slice(begin, begin + 32)
             y = self.grid.y[rows]
             offset_x, offset_y = x - light.p0, y - light.q0
+            # The bound is at most |ñ|²: most photographs are brighter than that nearly everywhere.
+            if (light.norm * self.image[rows].min()) ** 2 > (offset_x**2).max() + (offset_y**2).max():
+                continue
             along = x * offset_x + y * offset_y
             bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
             found[rows] = self.domain.solved[rows] & ((light.norm * self.image[rows]) ** 2 <= bound)
