@@ -14,7 +14,7 @@ help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
 	@echo "make test     run the tests"
 	@echo "make lint     check style and types"
-	@echo "make bench    measure the performance"
+	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
 	@echo "make install  only prepare $(VENV), which every command above does by itself"
 	@echo "make clean    delete $(VENV) and everything that these commands made"

@@ -3,11 +3,12 @@
 #define DIFFUSE 0   /* kd */
 #define SPECULAR 1  /* ks */
 #define SHININESS 2 /* m  */
+#define DIMMEST 1e-30f /* least cosine of a highlight: the logarithm in a power wants a normal number above 0 */
 
-/* A power of a cosine, of 0 where that is below; the logarithm in it wants a normal number above 0. */
+/* A power of a cosine, of 0 where that is below. */
 static inline number lobe(const number cosine, const real exponent)
 {
-    return power(most(cosine, (number)1e-30f), exponent);
+    return power(most(cosine, (number)DIMMEST), exponent);
 }
 
 /* -ln c from t^2, t = tan theta: cos theta = 1 / sqrt(1 + t^2), cos 2 theta = (1 - t^2) / (1 + t^2). */
@@ -26,14 +27,14 @@ static inline number returned_light(const number lit, const number seen, const n
     return multiply_add(material[DIFFUSE], lit, lit > (number)0 ? highlight : (number)0);
 }
 
-/* Derivative of the dimming by t^2. */
+/* Derivative of the dimming by t^2. The power is that of the dimming, which the compiler need not take twice. */
 static inline number dimming_rate(const number square, const real *material)
 {
     const number secant = (number)1 + square, length = root(secant);
-    const number mirrored = most(((number)1 - square) / secant, (number)0);
-    const number highlight = material[SPECULAR] * lobe(mirrored, material[SHININESS] - 1);
-    const number returned = material[DIFFUSE] / length + highlight * mirrored;
+    const number mirrored = ((number)1 - square) / secant;
+    const number highlight = material[SPECULAR] * lobe(mirrored, material[SHININESS]);
+    const number returned = material[DIFFUSE] / length + highlight;
     const number fall = material[DIFFUSE] / ((number)2 * secant * length) +
-                        (number)(2 * material[SHININESS]) * highlight / (secant * secant);
+                        (number)(2 * material[SHININESS]) * (highlight / most(mirrored, (number)DIMMEST)) / (secant * secant);
     return fall / returned;
 }

@@ -117,8 +117,13 @@ static inline number magnitude(const number a)
 /* Whether the sign bit of any lane is set. */
 static inline int any_sign(const integer bits)
 {
-#if LANES == 8
-    return ((bits.s0 | bits.s1) | (bits.s2 | bits.s3) | (bits.s4 | bits.s5) | (bits.s6 | bits.s7)) < 0;
+#if LANES == 8 && USE_DOUBLE
+    const long4 four = bits.lo | bits.hi;
+    const long2 two = four.lo | four.hi;
+    return (two.x | two.y) < 0;
+#elif LANES == 8
+    const int4 four = bits.lo | bits.hi;
+    return (as_ulong(four.lo | four.hi) & 0x8000000080000000UL) != 0;
 #else
     return bits < 0;
 #endif

@@ -16,6 +16,7 @@
 #ifndef ONLY_LOWER
 #define ONLY_LOWER 1 /* values only fall, except by the correction to second order */
 #endif
+#define SETTLED (USE_DOUBLE ? 1e-7f : 1e-4f) /* a step so small, as a share, leaves nothing that the digits can tell */
 #define MEETING_STEPS (ONLY_LOWER ? 2 : 5) /* of Newton, for the value of a cell */
 
 /* t^2 at which the material has dimmed by so much; in ln(1 + t^2), of which all materials make nearly a straight line. */
@@ -24,13 +25,19 @@ static inline number square_of(const number dimmed, const number highest, const 
     number low = 0, high = logarithm((number)1 + highest);
     number stretch = least(high, (number)2 * dimmed); /* exact for a Lambertian material */
 #if NEWTON_STEPS > 0
-    for (int step = 0; step < NEWTON_STEPS; ++step) {
+    /* A lane that has settled stays, so that its bits do not depend on how long others take. */
+    number settled = -1;
+    for (int step = 0; step < NEWTON_STEPS && any_sign(as_integer(settled)); ++step) {
         const number square = exponential(stretch) - (number)1;
         const number excess = dimming(square, material) - dimmed;
         high = excess > (number)0 ? stretch : high;
         low = excess > (number)0 ? low : stretch;
-        const number next = stretch - excess / (dimming_rate(square, material) * ((number)1 + square));
-        stretch = next >= low ? (next <= high ? next : (number)0.5f * (low + high)) : (number)0.5f * (low + high);
+        const number newton = stretch - excess / (dimming_rate(square, material) * ((number)1 + square));
+        const number middle = (number)0.5f * (low + high);
+        const number next = newton >= low ? (newton <= high ? newton : middle) : middle;
+        const number moved = magnitude(next - stretch) - (number)SETTLED * stretch;
+        stretch = settled > (number)0 ? stretch : next;
+        settled = moved > (number)0 ? settled : (number)1;
     }
 #endif
     return exponential(stretch) - (number)1;

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
 
 Mask = NDArray[np.bool_]
@@ -31,9 +32,12 @@ class Neighbours:
     down: Mask
 
     @classmethod
-    def of(cls, pixels: Mask) -> Neighbours:
-        """Look at `pixels` from each of the four sides."""
-        padded = np.pad(pixels, 1)
+    def of(cls, pixels: Mask, rows: slice = slice(None)) -> Neighbours:
+        """Look at `pixels`, or some rows of them, from each of the four sides."""
+        begin, end, _ = rows.indices(len(pixels))
+        above, below = min(begin, 1), min(len(pixels) - end, 1)
+        padded = np.zeros((end - begin + 2, pixels.shape[1] + 2), bool)
+        padded[1 - above : len(padded) - 1 + below, 1:-1] = pixels[begin - above : end + below]
         return cls(padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1])
 
     @property
@@ -96,7 +100,7 @@ def rim(pixels: Mask) -> Mask:
     return pixels & ~Neighbours.of(pixels).all
 
 
-def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str, *, needs_known: bool = True) -> Domain:
+def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, needs_known: bool = True) -> Domain:
     """Classify the pixels of a problem.
 
     Parameters
@@ -105,7 +109,7 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str, *, needs_know
         Pixels to solve.
     known : ndarray of bool, shape (height, width)
         Pixels whose depth is given, inside or outside `wanted`.
-    walls : ndarray of bool, shape (height, width)
+    walls : ndarray of bool, shape (height, width), or None
         Pixels that nothing crosses; they get no value.
     boundary : {"outflow", "extrapolate", "fixed", "wall"}
     needs_known : bool
@@ -116,12 +120,14 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str, *, needs_know
     InputError
         When there is nothing to solve, no known value can reach any pixel, or ``boundary="fixed"`` lacks values.
     """
-    known = known & ~walls
-    unknown = wanted & ~known & ~walls
+    unknown = wanted & ~known
+    if walls is not None:
+        known, unknown = known & ~walls, unknown & ~walls
     if not unknown.any():
         raise InputError(
             f"There is nothing to solve: of {wanted.size} pixels {int(known.sum())} are known, "
-            f"{int((~wanted).sum())} masked out and {int(walls.sum())} walls. Leave some pixels unknown (NaN)."
+            f"{int((~wanted).sum())} masked out and {0 if walls is None else int(walls.sum())} walls. "
+            "Leave some pixels unknown (NaN)."
         )
     if needs_known and not known.any():
         raise InputError("No depth is known: give known_depth at least one finite value that is not behind a wall.")
@@ -132,9 +138,9 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str, *, needs_know
             "give a known depth inside the mask or beside it."
         )
     present = reached | known
-    missing_flags = missing_neighbours(present)
+    flags = missing_neighbours(present)
     if boundary == "fixed":
-        open_rim = int(np.count_nonzero(missing_flags[reached]))
+        open_rim = int(np.count_nonzero(flags[reached]))
         if open_rim:
             raise InputError(
                 f"boundary='fixed' needs a known depth on every edge pixel of the image and mask, but {open_rim} "
@@ -145,45 +151,72 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask, boundary: str, *, needs_know
         if boundary in ("outflow", "extrapolate")
         else Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
     )
-    swept = reached.copy()
-    swept.ravel()[renewed.cells] = False
+    np.bitwise_or(flags, SWEPT, out=flags, where=reached)
+    flags.ravel()[renewed.cells] ^= SWEPT
     return Domain(
         known=known,
         solved=reached,
         unreached=unknown & ~reached,
-        flags=np.asarray(missing_flags | swept * np.uint8(SWEPT), dtype=np.uint8),
+        flags=flags,
         boundary=renewed,
     )
 
 
 def missing_neighbours(present: Mask) -> NDArray[np.uint8]:
     """Flags NO_LEFT, NO_RIGHT, NO_UP and NO_DOWN of every pixel."""
-    beside = Neighbours.of(present)
     flags = np.zeros(present.shape, np.uint8)
-    for bit, there in ((NO_LEFT, beside.left), (NO_RIGHT, beside.right), (NO_UP, beside.up), (NO_DOWN, beside.down)):
-        flags[~there] |= bit
+    for rows in row_blocks(present.shape):
+        beside = Neighbours.of(present, rows)
+        sides = ((NO_LEFT, beside.left), (NO_RIGHT, beside.right), (NO_UP, beside.up), (NO_DOWN, beside.down))
+        for bit, there in sides:
+            flags[rows] |= ~there * np.uint8(bit)
     return flags
 
 
 def connected(seeds: Mask, passable: Mask) -> Mask:
     """Pixels joined to a seed by steps along rows and columns through passable pixels, seeds included.
 
-    Rows and columns are flooded in turn, a whole run of passable pixels at once, until nothing changes.
+    What is joined is found among the runs of passable pixels in rows, which are far fewer than the pixels.
     """
-    reached = seeds & passable
     if passable.all():
-        return np.full_like(passable, reached.any())
-    # Runs are numbered along rows and along columns once; a wall, or the end of a line, begins a new run.
-    runs = [_runs(passable), _runs(passable.T)]
-    before = -1
-    while (count := int(np.count_nonzero(reached))) != before:
-        before = count
-        for axis, (numbers, total) in enumerate(runs):
-            lines = reached if axis == 0 else reached.T
-            flooded = np.zeros(total, bool)
-            flooded[numbers[lines]] = True
-            lines |= flooded[numbers] & (passable if axis == 0 else passable.T)
-    return reached
+        return passable if seeds.any() else seeds
+    height, width = passable.shape
+    stride = width + 1
+
+    def in_line(pixels: Mask) -> Mask:
+        """Row after row, with a blocked pixel before each and at the end, so that runs end with their rows."""
+        line = np.zeros(height * stride + 1, bool)
+        line[:-1].reshape(height, stride)[:, 1:] = pixels
+        return line
+
+    line = in_line(passable)
+    bounds = np.flatnonzero(line[1:] != line[:-1]) + 1
+    begins, ends = bounds[0::2], bounds[1::2]
+    # In the next row a run touches those that end behind its begin and begin before its end.
+    first, behind = np.searchsorted(ends, begins + stride, side="right"), np.searchsorted(begins, ends + stride)
+    touched = behind - first
+    upper = np.repeat(np.arange(begins.size), touched)
+    lower = np.arange(upper.size) + np.repeat(first - (np.cumsum(touched) - touched), touched)
+    groups = _groups(begins.size, upper, lower)
+
+    seeded = np.logical_or.reduceat(in_line(seeds & passable), bounds)[0::2]
+    reached = np.zeros(bounds.size + 1, bool)
+    reached[1::2] = np.isin(groups, groups[seeded])
+    pixels = np.repeat(reached, np.diff(bounds, prepend=0, append=line.size))
+    return np.ascontiguousarray(pixels[:-1].reshape(height, stride)[:, 1:])
+
+
+def _groups(count: int, one: NDArray[np.intp], other: NDArray[np.intp]) -> NDArray[np.intp]:
+    """For each of so many nodes the lowest of those that edges join it to; an edge leads from `one` to `other`."""
+    groups = np.arange(count)
+    while one.size:
+        one, other = groups[one], groups[other]
+        apart = one != other
+        one, other = one[apart], other[apart]
+        np.minimum.at(groups, np.maximum(one, other), np.minimum(one, other))
+        while (groups[groups] != groups).any():
+            groups = groups[groups]
+    return groups
 
 
 def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:
@@ -199,17 +232,13 @@ def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:
         steps[frontier] = count
         free[frontier] = False
         beside = np.concatenate([frontier - 1, frontier + 1, frontier - width, frontier + width])
-        frontier = np.unique(beside[free[beside]])
+        beside = beside[free[beside]]
+        # Each only once: of the numbers that a pixel is given one stays.
+        numbers = np.arange(beside.size)
+        steps[beside] = numbers
+        frontier = beside[steps[beside] == numbers]
         count += 1
     return np.ascontiguousarray(steps.reshape(padded.shape)[1:-1, 1:-1])
-
-
-def _runs(passable: Mask) -> tuple[NDArray[np.intp], int]:
-    breaks = ~passable
-    breaks[:, 0] = True
-    numbers = np.cumsum(breaks.ravel(), dtype=np.intp).reshape(passable.shape)
-    # A blocked pixel shares its number with the run behind it, which is harmless: only passable pixels are asked.
-    return numbers, int(numbers.flat[-1]) + 1
 
 
 def _boundary(reached: Mask, known: Mask, present: Mask) -> Boundary:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import domain
 from persfs_cl._cl.launches import Grid
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.errors import InputError
 from persfs_cl.light import ParallelLight
@@ -42,8 +44,10 @@ class Problem:
         NaN where unknown.
     walls : ndarray of bool, shape (height, width), or None
         Pixels of walls that belong to the surface: inside the mask, or of known depth. None where no walls are given.
-    start : ndarray of float64, shape (height, width)
-        First values of W, less `level`: known values, and above them all the start value.
+    known_values : ndarray of float64, shape (n,)
+        W of the known pixels, in the order of the image.
+    first : ndarray of float64, shape (height, width), or float
+        Values of W, less `level`, from which the others begin: above all known ones.
     shading : ndarray of float64, shape (height, width)
         What the kernels read in place of the image: E; under a flash F = I R² / κ at the scale of `level`, or without
         fall-off the cosine between surface and ray.
@@ -51,7 +55,7 @@ class Problem:
         Largest known W, less `level`; infinite where no known value is needed.
     sign : float
         +1 for a surface going away from the known values, W = Z; -1 for one coming towards the camera, W = -Z.
-    log_ray : ndarray of float64, shape (height, width), or float
+    log_ray : ndarray of float64, shape (height, width)
         What stands between Z = ln z and what the kernels solve for in place of Z: under a flash without fall-off the
         log distance, Z + ln R, and for the upwind scheme under a parallel light Z + ln(1 + p0 x + q0 y), which is level
         where the surface faces the light; else 0.
@@ -70,17 +74,29 @@ class Problem:
     camera: Camera
     known_depth: NDArray[np.float64]
     walls: NDArray[np.bool_] | None
-    start: NDArray[np.float64]
+    known_values: NDArray[np.float64]
+    first: NDArray[np.float64] | float
     shading: NDArray[np.float64]
     highest_known: float
     sign: float
-    log_ray: NDArray[np.float64] | float
+    log_ray: NDArray[np.float64]
     level: float
     max_slope: float
     domain: domain.Domain
     grid: PixelGrid
     model: Model
     scheme: str
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """First values of W, less `level`, in an array of their own."""
+        known = self.domain.known
+        start = np.full(known.shape, self.first)
+        start[known] = self.known_values - self.level
+        if self.scheme == "upwind":
+            # What is not there must not look like a low neighbour.
+            start[~(known | self.domain.solved)] = domain.NOWHERE
+        return start
 
     @property
     def numbers(self) -> Grid:
@@ -102,37 +118,30 @@ class Problem:
 
     def relit(self, image: NDArray[np.float64]) -> Problem:
         """The same under a flash with fall-off, with other brightness to be solved for; `image` stays."""
-        known, solved = self.domain.known, self.domain.solved
-        shading, start, level = _at_unit_distance(image, solved, self.grid, self.model)
-        start[known] = np.log(self.known_depth[known]) - level
-        if self.scheme == "upwind":
-            start[~(known | solved)] = domain.NOWHERE
-        return replace(self, shading=shading, start=start, level=level)
+        shading, first, level = _at_unit_distance(image, self.domain.solved, self.grid, self.model)
+        return replace(self, shading=shading, first=first, level=level)
 
-    def depth(
-        self, values: NDArray[np.floating], *, converged: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Log depth and depth from the values of a run; NaN where there is none.
+    def depth(self, values: NDArray[np.float64], *, converged: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Log depth, in the place of the values of a run, and depth; NaN where there is none.
 
         A run that was ended early may not have brought every pixel down from the start value. What a known value has
         reached lies no higher than one step for each pixel on the shortest way from it.
         """
-        log_depth = values.astype(np.float64)
-        log_depth += self.level
-        if self.sign < 0:
-            np.negative(log_depth, out=log_depth)
-        if not isinstance(self.log_ray, float):
-            log_depth -= self.log_ray
-        reached = self.domain.solved & (log_depth < _LARGEST) & (log_depth > -_LARGEST)
+        known, solved = self.domain.known, self.domain.solved
         if not converged and np.isfinite(self.highest_known):
             step = self.max_slope * max(self.grid.dx, self.grid.dy)
-            ways = domain.steps_from(self.domain.known, self.domain.known | self.domain.solved)
-            reached &= values <= (self.highest_known + step * ways) * (1.0 + 1e-5) + 1e-6
-        np.copyto(log_depth, np.nan, where=~reached)
-        depth = np.exp(log_depth)
-        known = np.nonzero(self.domain.known)
-        depth[known] = self.known_depth[known]
-        log_depth[known] = np.log(depth[known])
+            ways = domain.steps_from(known, known | solved)
+            values[values > (self.highest_known + step * ways) * (1.0 + 1e-5) + 1e-6] = np.nan
+        log_depth, depth = values, np.empty_like(values)
+        for rows in row_blocks(depth.shape):
+            block = log_depth[rows]
+            block += self.level
+            block *= self.sign
+            block -= self.log_ray[rows]
+            block[~(solved[rows] & (np.abs(block) < _LARGEST))] = np.nan
+            np.exp(block, out=depth[rows])
+            np.log(self.known_depth[rows], out=block, where=known[rows])
+            np.copyto(depth[rows], self.known_depth[rows], where=known[rows])
         return log_depth, depth
 
     def continue_onto_walls(self, log_depth: NDArray[np.float64], depth: NDArray[np.float64]) -> Cuts | None:
@@ -156,16 +165,14 @@ class Problem:
         light = self.model.light
         if not isinstance(light, ParallelLight):
             used = self.image if self.model.falls_off else self.shading
-            return np.asarray(self.domain.solved & (used <= _BLACK * used[self.domain.solved].max()))
+            return np.asarray(self.domain.solved & (used <= _BLACK * _largest(used, self.domain.solved)))
         if not isinstance(self.model.reflectance, Lambertian):
             between = self.model.between(self.grid)
             grazing = self.model.reflectance.shade(np.sqrt(np.maximum(0.0, 1.0 - between**2)), 0.0, between)
             return np.asarray(self.domain.solved & (self.image <= grazing))
         found = np.zeros_like(self.domain.solved)
         x = self.grid.x
-        # By rows that fit the cache: over whole images the intermediate arrays would cost more than the arithmetic.
-        for begin in range(0, len(found), 32):
-            rows = slice(begin, begin + 32)
+        for rows in row_blocks(found.shape):
             y = self.grid.y[rows]
             offset_x, offset_y = x - light.p0, y - light.q0
             # The bound is at most |ñ|²: most photographs are brighter than that nearly everywhere.
@@ -200,51 +207,55 @@ def prepare(
     if not isinstance(camera, Camera):
         raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
     # A copy, so that the solution stays what it is whatever becomes of the user's array.
-    photograph = require_image(image).copy()
+    photograph = require_image(image).astype(np.float64, order="C")
     shape = photograph.shape
     grid = camera.grid(shape)
-    wanted = _require_mask("mask", mask, shape, default=True)
-    barriers = _require_mask("walls", walls, shape, default=False)
+    wanted = np.ones(shape, bool) if mask is None else _require_mask("mask", mask, shape)
+    barriers = None if walls is None else _require_mask("walls", walls, shape)
     if known_depth is None and model.at_camera and not model.falls_off:
         raise InputError(
             f"known_depth is not given, but light={model.light!r} without fall-off tells of slopes only: give at "
             "least one depth, or photograph with fall-off."
         )
-    assumed = domain.rim(wanted) if not model.falls_off else np.zeros_like(wanted)
-    depths = _require_depths(known_depth, shape, assumed)
-    if known_depth is None and wanted.any() and not (wanted & np.isnan(depths)).any():
+    if known_depth is not None:
+        depths, known = _require_depths(known_depth, shape)
+    else:
+        known = np.zeros(shape, bool) if model.falls_off else domain.rim(wanted)
+        depths = np.where(known, 1.0, np.nan)
+    if known_depth is None and wanted.any() and not (wanted & ~known).any():
         raise InputError(
             f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
             "left to solve: give known_depth."
         )
-    layout = domain.lay_out(wanted, np.isfinite(depths), barriers, boundary, needs_known=not model.falls_off)
-    on_walls = None if walls is None else barriers & (wanted | np.isfinite(depths))
-    used = layout.known | layout.solved
-    reflecting = None if albedo is None else require_albedo(albedo, used if on_walls is None else used | on_walls)
+    layout = domain.lay_out(wanted, known, barriers, boundary, needs_known=not model.falls_off)
+    on_walls = None if barriers is None else barriers & (wanted | known)
+    reflecting = None
+    if albedo is not None:
+        used = layout.known | layout.solved
+        reflecting = require_albedo(albedo, used if on_walls is None else used | on_walls)
     given = photograph if reflecting is None else photograph / reflecting
     name = "image" if reflecting is None else "image / albedo"
     _require_shading(given, layout.solved, model, model.brightest(grid), name)
 
     sign = 1.0 if surface == "away" else -1.0
     log_ray = _log_of_ray(grid, model, scheme)
-    rays = log_ray if isinstance(log_ray, float) else log_ray[layout.known]
-    known = sign * (np.log(depths[layout.known]) + rays)
+    known_values = sign * (np.log(depths[layout.known]) + log_ray[layout.known])
+    first: NDArray[np.float64] | float
     if model.falls_off:
-        shading, start, level = _at_unit_distance(given, layout.solved, grid, model)
+        shading, first, level = _at_unit_distance(given, layout.solved, grid, model)
         highest_known = np.inf
     else:
         # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
-        seen = domain.Neighbours.of(layout.solved).any[layout.known]
-        level = float(known[seen].min())
+        beside_solved = [
+            domain.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)
+        ]
+        seen = known_values[np.concatenate(beside_solved)]
+        level = float(seen.min())
         # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
         steps = np.count_nonzero(layout.solved) + 1
-        highest_known = float(known[seen].max()) - level
+        highest_known = float(seen.max()) - level
         shading = model.facing(given) if model.at_camera else given
-        start = np.full(shape, highest_known + steps * max_slope * max(grid.dx, grid.dy))
-    start[layout.known] = known - level
-    if scheme == "upwind":
-        # What is not there must not look like a low neighbour.
-        start[~(layout.known | layout.solved)] = domain.NOWHERE
+        first = highest_known + steps * max_slope * max(grid.dx, grid.dy)
     return Problem(
         photograph=photograph,
         albedo=reflecting,
@@ -252,7 +263,8 @@ def prepare(
         camera=camera,
         known_depth=depths,
         walls=on_walls,
-        start=start,
+        known_values=known_values,
+        first=first,
         shading=shading,
         highest_known=highest_known,
         sign=sign,
@@ -266,13 +278,13 @@ def prepare(
     )
 
 
-def _log_of_ray(grid: PixelGrid, model: Model, scheme: str) -> NDArray[np.float64] | float:
+def _log_of_ray(grid: PixelGrid, model: Model, scheme: str) -> NDArray[np.float64]:
     """See :attr:`Problem.log_ray`."""
     if model.at_camera and not model.falls_off:
         return np.asarray(0.5 * np.log1p(grid.x**2 + grid.y**2))
     light = model.light
     if scheme != "upwind" or not isinstance(light, ParallelLight) or light.p0 == light.q0 == 0.0:
-        return 0.0
+        return np.broadcast_to(0.0, (grid.y.size, grid.x.size))
     facing = 1.0 + light.p0 * grid.x + light.q0 * grid.y
     if facing.min() <= 0.0:
         raise InputError(
@@ -290,12 +302,21 @@ def _at_unit_distance(
     From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light. Black pixels
     would lie at infinity; they are given a little light.
     """
-    lit = np.maximum(image, _BLACK * image[solved].max()) if solved.any() else image
-    shading = lit * (1.0 + grid.x**2 + grid.y**2) / model.light.gain  # type: ignore[union-attr] # a flash has a gain
-    start = np.zeros_like(shading)
-    start[solved] = 0.5 * np.log(model.reflectance.brightest / shading[solved])
-    level = float(np.median(start[solved]))
-    return shading * np.exp(2.0 * level), start - level, level
+    shading = np.maximum(image, _BLACK * _largest(image, solved))
+    first = np.zeros_like(shading)
+    for rows in row_blocks(shading.shape):
+        shading[rows] *= 1.0 + grid.x**2 + grid.y[rows] ** 2
+        shading[rows] /= model.light.gain  # type: ignore[union-attr] # a flash has a gain
+        first[rows][solved[rows]] = 0.5 * np.log(model.reflectance.brightest / shading[rows][solved[rows]])
+    level = float(np.median(first[solved], overwrite_input=True))
+    shading *= np.exp(2.0 * level)
+    first -= level
+    return shading, first, level
+
+
+def _largest(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> float:
+    """The largest value of the pixels to solve; the others may hold anything."""
+    return float(brightness.max(where=solved, initial=0.0))
 
 
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
@@ -306,8 +327,8 @@ def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
         raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
 
 
-def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """The image as float64, shape (height, width), perhaps the very array given; InputError when it is none."""
+def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
+    """The image as an array, shape (height, width), perhaps the very array given; InputError when it is none."""
     given = as_array("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
@@ -317,7 +338,7 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
             f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
             "(grey levels of 8 bits: divide by 255)."
         )
-    return given.astype(np.float64, copy=False)
+    return given
 
 
 def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -341,15 +362,12 @@ def _require_shading(
     brightness: NDArray[np.float64], solved: NDArray[np.bool_], model: Model, most: float, name: str
 ) -> None:
     """Check the pixels that are used; the others may hold anything."""
-    bad, count, darkest, brightest = 0, 0, np.inf, -np.inf
-    # By rows that fit the cache: over whole images the intermediate arrays would cost more than the arithmetic.
-    for begin in range(0, len(solved), 32):
-        used = brightness[begin : begin + 32][solved[begin : begin + 32]]
-        if used.size:
-            bad += int(np.count_nonzero(~np.isfinite(used)))
-            count += used.size
-            darkest, brightest = min(darkest, float(used.min())), max(brightest, float(used.max()))
-    if bad:
+    blocks = (brightness[rows][solved[rows]] for rows in row_blocks(solved.shape))
+    # Both are NaN where one value is.
+    extremes = np.array([(used.min(), used.max()) for used in blocks if used.size])
+    darkest, brightest = float(extremes[:, 0].min()), float(extremes[:, 1].max())
+    if not (math.isfinite(darkest) and math.isfinite(brightest)):
+        bad = np.count_nonzero(~np.isfinite(brightness[solved]))
         raise InputError(f"{name} holds {bad} NaN or infinite values inside the mask: mask them out.")
     if darkest < 0.0 or brightest > most * (1.0 + 1e-6):
         if model.falls_off:
@@ -366,15 +384,13 @@ def _require_shading(
         raise InputError(f"{name} ranges from {darkest:g} to {brightest:g}: {remedy}")
     if brightest == 0.0:
         raise InputError(f"{name} is all black inside the mask: it carries no shading to reconstruct from.")
-    if darkest == brightest and count > 1 and np.isfinite(most):
+    if darkest == brightest and np.count_nonzero(solved) > 1 and np.isfinite(most):
         raise InputError(
             f"{name} is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from."
         )
 
 
-def _require_mask(name: str, given: ArrayLike | None, shape: tuple[int, int], *, default: bool) -> NDArray[np.bool_]:
-    if given is None:
-        return np.full(shape, default)
+def _require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
     pixels = as_array(name, given)
     if pixels.dtype != bool or pixels.shape != shape:
         raise InputError(
@@ -383,23 +399,23 @@ def _require_mask(name: str, given: ArrayLike | None, shape: tuple[int, int], *,
     return pixels
 
 
-def _require_depths(given: ArrayLike | None, shape: tuple[int, int], assumed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The known depths; 1 at the pixels `assumed` when none are given."""
-    if given is None:
-        return np.where(assumed, 1.0, np.nan)
+def _require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The known depths, and where there are any."""
     depths = as_array("known_depth", given)
     if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
         raise InputError(
             f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "
             "NaN where the depth is unknown."
         )
-    if np.isinf(depths).any():
-        raise InputError(f"known_depth holds {int(np.isinf(depths).sum())} infinite values: use NaN for unknown.")
-    if (depths <= 0).any():
+    known = ~np.isnan(depths)
+    values = depths[known]
+    if values.size == 0:
+        raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
+    if infinite := np.count_nonzero(np.isinf(values)):
+        raise InputError(f"known_depth holds {infinite} infinite values: use NaN for unknown.")
+    if values.min() <= 0:
         raise InputError(
-            f"known_depth goes down to {float(np.nanmin(depths)):g}: depths are distances along the optical axis "
+            f"known_depth goes down to {float(values.min()):g}: depths are distances along the optical axis "
             "and positive; use NaN for unknown."
         )
-    if np.isnan(depths).all():
-        raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
-    return depths.astype(np.float64, copy=False)
+    return depths.astype(np.float64, copy=False), known

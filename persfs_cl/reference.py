@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,9 @@ from persfs_cl.camera import PixelGrid
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT, Boundary
 from persfs_cl.light import Light, ParallelLight
 from persfs_cl.reflectance import Lambertian, Reflectance
+
+if TYPE_CHECKING:
+    from persfs_cl.problem import Problem
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -300,6 +304,23 @@ class Reference:
     max_slope: float = 30.0
     linear: bool = False
     lowest: float = 0.0
+
+    @classmethod
+    def of(cls, problem: Problem, *, linear: bool = False) -> Reference:
+        """The same as the kernels are given of a problem, at its start values; `linear` is a matter of the run."""
+        return cls(
+            log_depth=problem.start.copy(),
+            brightness=problem.shading,
+            flags=problem.domain.flags,
+            boundary=problem.domain.boundary,
+            grid=problem.grid,
+            light=problem.model.light,
+            reflectance=problem.model.reflectance,
+            scheme=problem.scheme,
+            sign=problem.sign,
+            max_slope=problem.max_slope,
+            linear=linear,
+        )
 
     def iterate(self) -> float:
         """Four sweeps, the boundary renewed after each; returns max |ΔZ|."""

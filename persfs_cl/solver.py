@@ -26,6 +26,7 @@ from persfs_cl.reflectance import Lambertian, Reflectance
 from persfs_cl.solution import Elapsed, Solution, Status
 
 Callback = Callable[[int, float], bool | None]
+_Surface = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 _CHOICES = {
     "surface": get_args(Surface),
@@ -116,7 +117,7 @@ def reconstruct(
     accuracy_order : int
         1: both schemes are of first order. 2: the upwind scheme, once converged, is corrected to second order where the
         surface is smooth, and stays as it is beside ridges, edges and silhouettes. Some more iterations, each slower;
-        many more, and a less exact result, with the checkerboard.
+        many more with the checkerboard.
     max_iterations : int
         Iterations of four sweeps at most; with a lamp beside the camera in each round.
     tolerance : float
@@ -282,13 +283,10 @@ def reconstruct_batch(
     for members in pieces:
         problems = [prepared(number) for number in members]
         run = _Run.of(chosen, problems, options, _stop_at_once if watch and watch.stopped else watch)
+        results = run.surfaces(problems)
         rounds = None
         if isinstance(light, FlashLight) and not light.coaxial:
-            problems, rounds = _take_lamp_to_camera(chosen, problems, run, options, watch)
-        results = [
-            problem.depth(values, converged=status is Status.CONVERGED)
-            for problem, values, status in zip(problems, run.values, run.statuses, strict=True)
-        ]
+            rounds = _take_lamp_to_camera(chosen, problems, results, run, options, watch)
         cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
@@ -436,9 +434,12 @@ def _pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) -
 
 @dataclass
 class _Run:
-    """What the iteration of some images that share launches came to, one entry an image."""
+    """What the iteration of some images that share launches came to, one entry an image.
 
-    values: list[NDArray[np.floating]]
+    The values of `grids` are those that the iteration has reached.
+    """
+
+    grids: list[Grid]
     changes: list[list[float]]
     statuses: list[Status]
     variant: str
@@ -449,21 +450,19 @@ class _Run:
     def of(cls, device: Device, problems: Sequence[Problem], options: Options, callback: Callback | None) -> _Run:
         """Iterate to convergence at first order, and from there at second order if that is wanted."""
         grids = [problem.numbers for problem in problems]
-        run = cls([], [[] for _ in grids], [Status.CONVERGED] * len(grids), "")
-        run.values = [grid.log_depth for grid in grids]
+        run = cls(grids, [[] for _ in grids], [Status.CONVERGED] * len(grids), "")
         kernels = problems[0].model.kernels_with(problems[0].scheme)
-        run._advance(device, grids, kernels, options, callback)
+        run._advance(device, kernels, options, callback)
         if options.accuracy_order == 2:
             corrected = [place for place, status in enumerate(run.statuses) if status is Status.CONVERGED]
             for only_lower in (False, True):
-                run._advance(device, grids, kernels, options, callback, corrected, only_lower=only_lower)
+                run._advance(device, kernels, options, callback, corrected, only_lower=only_lower)
                 corrected = [place for place in corrected if run.statuses[place] is Status.MAX_ITERATIONS]
         return run
 
     def _advance(
         self,
         device: Device,
-        grids: Sequence[Grid],
         kernels: Sequence[str],
         options: Options,
         callback: Callback | None,
@@ -472,13 +471,14 @@ class _Run:
         only_lower: bool = False,
     ) -> None:
         """Iterate from where the images are: all at first order, or some that are `corrected` to second order."""
-        places = range(len(grids)) if corrected is None else corrected
+        places = range(len(self.grids)) if corrected is None else corrected
         done = max(map(len, self.changes))
         most = options.max_iterations
         if corrected is not None and not only_lower:
-            # Where the surface is smooth this is ample; what still changes is decided one way or the other. An ordering
-            # that took long to carry the values across the image takes as long to carry their corrections.
-            most = min(most, done + max(_FREE_CORRECTIONS, 2 * done))
+            # Where the surface is smooth this is ample; what still changes is decided one way or the other. The
+            # checkerboard, which carries values some pixels in an iteration, has to carry corrections back and forth.
+            turns = 8 if options.ordering == "checkerboard" else 2
+            most = min(most, done + max(_FREE_CORRECTIONS, turns * done))
         if not places or done >= most:
             for place in places:
                 self.statuses[place] = Status.MAX_ITERATIONS
@@ -486,7 +486,7 @@ class _Run:
         began = time.perf_counter()
         sweeper = Sweeper(
             device,
-            [replace(grids[place], log_depth=self.values[place]) for place in places],
+            [self.grids[place] for place in places],
             model=kernels,
             ordering=options.ordering,
             precision=options.precision,
@@ -499,64 +499,68 @@ class _Run:
         self.variant = sweeper.tuning.variant
         changes, statuses = _iterate(sweeper, most, options.tolerance, callback, done)
         self.kernel_seconds += sweeper.kernel_seconds
-        values = sweeper.log_depth()
+        sweeper.copy_log_depth(self.grids[place].log_depth for place in places)
         for number, place in enumerate(places):
-            self.values[place] = values[number]
             self.changes[place] += changes[number]
             self.statuses[place] = statuses[number]
 
+    def surfaces(self, problems: Sequence[Problem]) -> list[_Surface]:
+        """Log depth, in the place of the values, and depth of each image."""
+        return [
+            problem.depth(grid.log_depth, converged=status is Status.CONVERGED)
+            for problem, grid, status in zip(problems, self.grids, self.statuses, strict=True)
+        ]
+
 
 def _take_lamp_to_camera(
-    device: Device, problems: Sequence[Problem], run: _Run, options: Options, watch: _Watch | None
-) -> tuple[list[Problem], list[int]]:
+    device: Device,
+    problems: Sequence[Problem],
+    surfaces: list[_Surface],
+    run: _Run,
+    options: Options,
+    watch: _Watch | None,
+) -> list[int]:
     """Correct the photographs by the surfaces that a run found with the lamp at the camera, and solve again.
 
-    That is repeated until it changes little. `run` gets the values and statuses of an image's last round, and the
-    changes of all rounds.
+    That is repeated until it changes little. `surfaces` becomes that of the last rounds; `run` gets the statuses of an
+    image's last round, and the changes of all rounds.
 
     Returns
     -------
-    problems : list of Problem
-        Of the last rounds.
     rounds : list of int
         Runs of each image, the first included.
     """
-    current, rounds = list(problems), [1] * len(problems)
+    rounds = [1] * len(problems)
     active = list(range(len(problems)))
-    surfaces = {}
-    for place in active:
-        surfaces[place] = current[place].depth(run.values[place], converged=True)
     while active:
         if watch and watch.stopped:
             for place in active:
                 run.statuses[place] = Status.STOPPED
             break
-        dim = {}
-        for place in active:
-            current[place], dim[place] = lamp.at_camera(problems[place], surfaces[place][1])
+        relit, dim = zip(*(lamp.at_camera(problems[place], surfaces[place][1]) for place in active), strict=True)
         if watch:
             watch.before = max(len(run.changes[place]) for place in active)
-        again = _Run.of(device, [current[place] for place in active], options, watch)
+        again = _Run.of(device, relit, options, watch)
         run.kernel_seconds += again.kernel_seconds
         run.build_seconds += again.build_seconds
         going = []
-        for number, place in enumerate(active):
+        for number, (place, surface) in enumerate(zip(active, again.surfaces(relit), strict=True)):
             rounds[place] += 1
-            run.values[place], run.statuses[place] = again.values[number], again.statuses[number]
+            run.statuses[place] = again.statuses[number]
             run.changes[place] += again.changes[number]
-            surface = current[place].depth(again.values[number], converged=True)
             change = float(np.nanmean(np.abs(surface[0] - surfaces[place][0])))
             surfaces[place] = surface
             if change > lamp.SETTLED and rounds[place] < lamp.ROUNDS:
                 going.append(place)
                 continue
             if change > lamp.LOST:
+                run.statuses[place] = Status.MAX_ITERATIONS
                 warnings.warn(
                     f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
                     f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it.",
                     stacklevel=4,
                 )
-            if shaded := int(dim[place].sum()):
+            if shaded := int(dim[number].sum()):
                 warnings.warn(
                     f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.",
                     stacklevel=4,
@@ -564,7 +568,7 @@ def _take_lamp_to_camera(
         active = going
     if watch:
         watch.before = 0
-    return current, rounds
+    return rounds
 
 
 @dataclass

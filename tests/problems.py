@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, ParallelLight, Phong
-from persfs_cl._cl.launches import Sweeper, Tuning
+from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.tuning import Tuning
 from persfs_cl.light import Light
 from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare

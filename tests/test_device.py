@@ -14,8 +14,8 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl import device as device_module
 from persfs_cl._cl.device import select_device
-from persfs_cl._cl.launches import Tuning
 from persfs_cl._cl.program import program
+from persfs_cl._cl.tuning import Tuning
 
 
 def handle(name: str, kind: int, version: str, platform: str = "Portable Computing Language") -> Any:
@@ -143,6 +143,7 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         ("wavefront_images", 8),
         ("checkerboard", 1),
         ("checkerboard", 8),
+        ("checkerboard_bands", 8),
     ):
         tuning = Tuning(variant, lanes=lanes)
         program(device, ["parallel_light", "lax_friedrichs", *tuning.kernels], precision, tuning.definitions)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pyopencl as cl
@@ -10,10 +11,10 @@ import pytest
 from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, sweeper
 
 from persfs_cl import Device, DeviceError, ParallelLight
-from persfs_cl._cl.launches import DIRECTIONS, Sweeper, Tuning
-from persfs_cl.bench.peers import twin
+from persfs_cl._cl.launches import DIRECTIONS, Sweeper
+from persfs_cl._cl.tuning import Tuning
 from persfs_cl.problem import Problem
-from persfs_cl.reference import ParallelEquation
+from persfs_cl.reference import ParallelEquation, Reference
 
 SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
 TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
@@ -40,7 +41,7 @@ def assert_a_sweep(device_values: np.ndarray, expected: np.ndarray, precision: s
 @functools.cache
 def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarray]:
     """Values after each; the twin takes its time."""
-    judge = twin(random_problem(7, shape, boundary="wall", **SETUPS[name]))
+    judge = Reference.of(random_problem(7, shape, boundary="wall", **SETUPS[name]))
     values = []
     for direction in DIRECTIONS:
         judge.sweep(*direction)
@@ -67,11 +68,11 @@ def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, s
 
 @functools.cache
 def two_sweeps_of_the_coloured_twin(name: str) -> list[np.ndarray]:
-    judge = twin(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
+    judge = Reference.of(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
     values = []
-    for number in range(2):
-        judge.sweep_colour(number)
-        judge.sweep_colour(1 - number)
+    for _ in range(2):
+        judge.sweep_colour(0)
+        judge.sweep_colour(1)
         values.append(judge.log_depth.copy())
     return values
 
@@ -91,7 +92,7 @@ def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None
     problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
     kernel = sweeper(problem, device, "float64", "wavefront")
     assert kernel.run(100)[-1] <= 1e-13
-    judge = twin(problem)
+    judge = Reference.of(problem)
     judge.log_depth = kernel.log_depth()[0].astype(np.float64)
     rows, columns = np.nonzero(problem.domain.solved)
     found = [judge.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
@@ -108,9 +109,9 @@ def test_boundary_renewal_equals_the_twin(
     values = np.random.default_rng(5).uniform(0.0, 1.0, shape)
     values.ravel()[problem.domain.boundary.cells] += 1.0
     linear = boundary == "extrapolate"
-    judge, kernel = twin(problem, linear=linear), None
+    judge, kernel = Reference.of(problem, linear=linear), None
     judge.log_depth = values.copy()
-    object.__setattr__(problem, "start", values)
+    problem = replace(problem, first=values, known_values=values[problem.domain.known] + problem.level)
     kernel = sweeper(problem, device, precision, "wavefront", linear=linear)
     kernel.renew_boundary()
     judge.renew_boundary()
@@ -122,7 +123,7 @@ def test_boundary_renewal_equals_the_twin(
 @functools.cache
 def twelve_iterations_of_the_twin() -> tuple[np.ndarray, float]:
     """Values after them, and the change of the last."""
-    judge = twin(random_problem(2, (28, 35), light=OBLIQUE))
+    judge = Reference.of(random_problem(2, (28, 35), light=OBLIQUE))
     changes = [judge.iterate() for _ in range(12)]
     return judge.log_depth, changes[-1]
 
@@ -167,7 +168,11 @@ def test_wavefront_gives_the_bits_of_lexicographic_by_any_kernels(device: Device
 # Each number of bands is a program of its own: the lowest, and what CPUs get.
 STRIPS = {(bands, groups): Tuning("wavefront_strips", 8, bands, groups) for bands in (1, 3) for groups in (1, 2, 3, 4)}
 IMAGES = {(bands, groups): Tuning("wavefront_images", 8, bands, groups) for bands in (1, 3) for groups in (1, 3)}
-TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard", 8), Tuning("lexicographic")
+BANDS = [
+    Tuning("checkerboard_bands", 8, 1, groups, polls, rows)
+    for rows, groups, polls in ((1, 1, 4000), (2, 2, 4000), (1, 3, 4000), (5, 4, 4000), (3, 2, 1))
+]
+TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard"), Tuning("lexicographic")
 
 
 @pytest.mark.parametrize(
@@ -204,32 +209,50 @@ def assert_tuning_gives_the_bits(device: Device, precision: str, tuning: Tuning,
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
 
-def test_checkerboard_is_the_same_by_cells_and_by_vectors(device: Device, precision: str) -> None:
-    for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130)]):
+@pytest.mark.parametrize("tuning", [Tuning("checkerboard", 8), *BANDS], ids=str)
+def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
+    device: Device, precision: str, tuning: Tuning
+) -> None:
+    """Some groups give up at once, as if the others had lost their processors."""
+    for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]):
         problem = random_problem(seed, shape, light=OBLIQUE, boundary=("outflow", "wall")[seed % 2])
-        assert_vectors_give_the_bits_of_cells(problem, device, precision)
+        assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, tuning)
 
 
 @pytest.mark.parametrize("name", KERNELS)
-def test_checkerboard_is_the_same_by_cells_and_by_vectors_by_any_kernels(device: Device, name: str) -> None:
+def test_checkerboard_is_the_same_by_any_kernels(device: Device, name: str) -> None:
     for seed, shape in enumerate([(1, 2), (8, 16), (17, 31)]):
         problem = random_problem(seed, shape, boundary="wall", **SETUPS[name])
-        assert_vectors_give_the_bits_of_cells(problem, device, "float32")
+        assert_checkerboard_gives_the_bits_of_cells(problem, device, "float32", BANDS[1])
 
 
-def assert_vectors_give_the_bits_of_cells(problem: Problem, device: Device, precision: str) -> None:
-    results = []
-    for lanes in (1, 8):
-        kernel = sweeper(problem, device, precision, "checkerboard", tuning=Tuning("checkerboard", lanes=lanes))
-        kernel.run(4)
-        results.append(kernel.log_depth())
-    np.testing.assert_array_equal(results[0], results[1])
+def assert_checkerboard_gives_the_bits_of_cells(
+    problem: Problem, device: Device, precision: str, tuning: Tuning
+) -> None:
+    by_cells = sweeper(problem, device, precision, "checkerboard", tuning=CHECKERBOARD)
+    # A whole iteration, single sweeps, and iterations of which several share a launch.
+    expected = [by_cells.run(1)]
+    for number in range(4):
+        by_cells.sweep(number)
+    expected.append(by_cells.run(7))
+    for _ in range(3):
+        other = sweeper(problem, device, precision, "checkerboard", tuning=tuning)
+        changes = [other.run(1)]
+        for number in range(4):
+            other.sweep(number)
+        changes.append(other.run(7))
+        np.testing.assert_array_equal(np.concatenate(changes), np.concatenate(expected))
+        np.testing.assert_array_equal(other.log_depth(), by_cells.log_depth())
 
 
 @pytest.mark.parametrize(
     ("tuning", "name"),
     [
-        *[(tuning, "frontal away") for tuning in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, LEXICOGRAPHIC)],
+        *[
+            (tuning, "frontal away")
+            for tuning in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
+        ],
+        *[(tuning, "upwind flash") for tuning in BANDS],
         *[(tuning, name) for tuning in (TILES, IMAGES[3, 3]) for name in ("upwind frontal away", "upwind flash")],
         (STRIPS[3, 2], "upwind frontal away"),
     ],
@@ -266,9 +289,13 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuni
     assert len(ends) > 1, "the images must end at different times"
 
 
-def test_an_image_rests_from_the_iteration_that_met_the_tolerance(device: Device, precision: str) -> None:
-    problem = random_problem(1, (30, 30))
-    stepwise, queued = (sweeper(problem, device, precision, "wavefront", tolerance=0.01) for _ in range(2))
+@pytest.mark.parametrize("tuning", [None, *BANDS], ids=str)
+def test_an_image_rests_from_the_iteration_that_met_the_tolerance(
+    device: Device, precision: str, tuning: Tuning | None
+) -> None:
+    problem = random_problem(1, (30, 30), boundary="wall")
+    ordering = "checkerboard" if tuning else "wavefront"
+    stepwise, queued = (sweeper(problem, device, precision, ordering, tolerance=0.01, tuning=tuning) for _ in range(2))
     changes: list[float] = []
     while not changes or changes[-1] > 0.01:
         changes.append(float(stepwise.run(1)[0, 0]))
@@ -295,13 +322,16 @@ def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int)
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
 
-def test_work_left_undone_is_an_error(device: Device) -> None:
-    strips = Tuning("wavefront_strips", lanes=8, bands=1, work_groups=2)
-    kernel = sweeper(random_problem(1, (40, 40)), device, "float32", "wavefront", tuning=strips)
+@pytest.mark.parametrize(
+    "tuning", [Tuning("wavefront_strips", lanes=8, bands=1, work_groups=2), BANDS[1]], ids=lambda tuning: tuning.variant
+)
+def test_work_left_undone_is_an_error(device: Device, tuning: Tuning) -> None:
+    problem = random_problem(1, (40, 40), boundary="wall")
+    kernel = sweeper(problem, device, "float32", tuning.variant.split("_")[0], tuning=tuning)
     wrong = np.full(kernel._sync_buffer.size // 4, 7, np.int32)
     wrong[0] = 0
     cl.enqueue_copy(device.queue, kernel._sync_buffer, wrong)
-    with pytest.raises(DeviceError, match="left strips of the image undone"):
+    with pytest.raises(DeviceError, match="left parts of the image undone"):
         kernel.run(1)
 
 

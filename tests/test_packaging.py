@@ -99,7 +99,7 @@ def test_sdist_holds_what_a_packager_needs(built: Path) -> None:
 
 def test_metadata(metadata: Message, wheel_files: set[str]) -> None:
     assert metadata["Name"] == "persfs-cl"
-    assert metadata["License-Expression"] == "MIT"
+    assert metadata["License-Expression"] == "MIT AND CC-BY-4.0"
     assert metadata["Requires-Python"] == ">=3.10"
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in wheel_files)
     assert str(metadata.get_payload()).strip() == (ROOT / "README.md").read_text(encoding="utf-8").strip()

@@ -16,16 +16,18 @@ from test_cli import run
 
 import persfs_cl as ps
 from persfs_cl._cl.device import Device
+from persfs_cl.grey import encode_srgb
+from persfs_cl.page import filled, marked
 from persfs_cl.paper import fast_marching, printed, sensitivity, statue
 from persfs_cl.paper.course import told
 from persfs_cl.paper.experiments import EXPERIMENTS
 from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
-from persfs_cl.paper.report import Findings, Table, filled, marked
+from persfs_cl.paper.report import Findings, Table
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
-PICTURES = {"table1.png", "figure2.png", "figure3.png", "figure3-camera.png", "sensitivity.png"}
+PICTURES = {"table1.png", "figure2.png", "figure3.png", "figure3-camera.png", "figure3-flash.png", "sensitivity.png"}
 TABLE = Table("some", "Some table", ("what", "value"), (("a", "1.5"), ("b", "")), words=1)
 
 Cells = dict[tuple[str, str], str]
@@ -124,10 +126,20 @@ def test_the_page_and_the_files_beside_it_are_of_one_run() -> None:
 
 
 def test_the_photograph_is_as_the_paper_has_it() -> None:
-    assert imageio.v3.imread(statue.PHOTO).shape == (280, 320)
+    assert imageio.v3.imread(statue.PHOTO).shape == (280, 320) == statue.SHAPE
     assert statue.PHOTO.stat().st_size < 100_000
-    image = statue.prepared()
+    image = statue.prepared()[statue.inside()]
     assert (image.min(), image.max()) == (0.0, 1.0)
+
+
+def test_the_image_by_flash_is_in_the_grey_levels_of_the_photograph(device: Device) -> None:
+    inside, grid = statue.inside(), statue.CAMERA.grid(statue.SHAPE)
+    grey_values = statue._prepared(inside).light[inside]
+    wall_at_2 = 0.25 * (1.0 + grid.x**2 + grid.y**2) ** -1.5
+    expected = 255.0 * (encode_srgb(wall_at_2) - grey_values.min()) / np.ptp(grey_values)
+    again = statue.flash_photographed_again(np.where(inside, 2.0, np.nan), device)
+    np.testing.assert_allclose(again[inside], expected[inside], atol=0.01)
+    assert np.isnan(again[~inside]).all()
 
 
 def test_a_reading_without_changes_comes_to_rest_where_the_solver_does(device: Device) -> None:

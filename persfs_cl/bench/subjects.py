@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Grid, Sweeper, Tuning
+from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl._cl.probes import device_seconds
+from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench.timing import Work
 from persfs_cl.camera import Camera
 from persfs_cl.light import ParallelLight
@@ -116,5 +117,9 @@ def described(tuning: Tuning) -> str:
     if tuning.lanes > 1:
         parts.append(f"{tuning.lanes} lanes")
     if tuning.in_strips:
-        parts += [f"bands: {tuning.bands}", f"groups: {tuning.work_groups}"]
+        parts.append(f"bands: {tuning.bands}")
+    if tuning.band_rows > 1:
+        parts.append(f"rows: {tuning.band_rows}")
+    if tuning.variant in ("wavefront_strips", "wavefront_images", "checkerboard_bands"):
+        parts.append(f"groups: {tuning.work_groups}")
     return ", ".join(parts)

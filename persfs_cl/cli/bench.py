@@ -13,15 +13,18 @@ import typer
 from rich.console import Console
 
 from persfs_cl._cl.device import select_device
-from persfs_cl.bench.circumstances import circumstances, summary
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import STANDARD_SIZES, Plan
 from persfs_cl.bench.plots import draw
 from persfs_cl.bench.report import table
 from persfs_cl.bench.results import Record, write_csv, write_json
+from persfs_cl.bench.tables import contents, markers
+from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.options import DeviceOption, PrecisionOption
 from persfs_cl.cli.output import check_folder
+from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import INTERRUPTED, writing
+from persfs_cl.page import fill_page, marked, read_page
 
 _Choice = TypeVar("_Choice", bound=str)
 
@@ -65,6 +68,14 @@ def bench(
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; those of an earlier run go."),
     ] = Path("bench-output"),
+    page: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="Put the tables of these experiments, and the circumstances, between the markers of this page too; may"
+            " be given several times.",
+        ),
+    ] = None,
     device: DeviceOption = None,
     precision: PrecisionOption = "float32",
 ) -> None:
@@ -74,6 +85,9 @@ def bench(
     accuracy.png.
     """
     experiments = _known("--experiment", experiment or list(EXPERIMENTS), tuple(EXPERIMENTS))
+    pages = page or []
+    for each in pages:
+        check_page(each, quick=quick, wanted=markers(experiments), known=markers(EXPERIMENTS))
     plan = Plan(
         device=select_device(device),
         sizes=_numbers("--sizes", sizes, least=8) or (_QUICK_SIZES if quick else None),
@@ -103,6 +117,11 @@ def bench(
     if interrupted:
         typer.echo(f"persfs-cl: interrupted; {len(records)} records were kept.", err=True)
         raise typer.Exit(INTERRUPTED)
+    found = contents(header, records)
+    for each in pages:
+        places = marked(read_page(each))
+        fill_page(each, {name: content for name, content in found.items() if name in places})
+        typer.echo(each)
 
 
 def _measure(name: str, plan: Plan, records: list[Record], console: Console) -> None:

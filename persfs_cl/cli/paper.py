@@ -12,16 +12,16 @@ import typer
 from rich.console import Console
 
 from persfs_cl._cl.device import select_device
-from persfs_cl.bench.circumstances import circumstances, summary
+from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.options import DeviceOption
 from persfs_cl.cli.output import check_folder
+from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import INTERRUPTED, writing
-from persfs_cl.errors import InputError
-from persfs_cl.files import atomic_path, read_bytes
+from persfs_cl.page import fill_page
 from persfs_cl.paper import fast_marching
 from persfs_cl.paper.experiments import EXPERIMENTS
 from persfs_cl.paper.plan import Plan
-from persfs_cl.paper.report import Findings, Table, filled, fragments, marked, write_fragments
+from persfs_cl.paper.report import Findings, Table, fragments, write_fragments
 
 _TABLES = "tables.md"
 
@@ -48,7 +48,7 @@ def paper(
     # Before any work: this command alone needs the extra.
     fast_marching.compiled()
     if page is not None:
-        _check_page(page, quick=quick)
+        check_page(page, quick=quick)
     plan = Plan(select_device(device), repeats=1, quick=True) if quick else Plan(select_device(device))
     check_folder(output, overwrite=True)
     foot = summary(circumstances(plan.device, shlex.join(["persfs-cl", *sys.argv[1:]])))
@@ -70,9 +70,7 @@ def paper(
         typer.echo(f"persfs-cl: interrupted; {len(tables)} tables were kept.", err=True)
         raise typer.Exit(INTERRUPTED) from None
     if page is not None:
-        text = filled(_text(page), fragments(tables, foot))
-        with atomic_path(page) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        fill_page(page, fragments(tables, foot))
     for file in [page or output / _TABLES, *files]:
         typer.echo(file)
 
@@ -96,17 +94,3 @@ def _write(folder: Path, findings: Findings) -> list[Path]:
             files.append(folder / name)
             draw(files[-1])
     return files
-
-
-def _check_page(page: Path, *, quick: bool) -> None:
-    if quick:
-        raise typer.BadParameter("a page wants all tables in full: leave out --quick.", param_hint="'--page'")
-    if not marked(_text(page)):
-        raise typer.BadParameter(f"{page} holds no marker such as <!-- table1-me -->.", param_hint="'--page'")
-
-
-def _text(page: Path) -> str:
-    try:
-        return read_bytes(page).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{page} is no text in UTF-8 ({error.reason}): name a Markdown page.") from error

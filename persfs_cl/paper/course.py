@@ -6,7 +6,7 @@ import itertools
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -110,9 +110,7 @@ def marching(
         for number, _depth in enumerate(itertools.islice(depths(), iterations[-1]), 1):
             if number in iterations:
                 times[iterations.index(number)].append(time.perf_counter() - began)
-    course = outcome.course
-    timed = Course(course.iterations, course.mean, course.root_mean_square, _medians(times))
-    return Outcome(timed, outcome.depth)
+    return replace(outcome, course=replace(outcome.course, seconds=_medians(times)))
 
 
 def _course(iterations: Sequence[int], errors: Sequence[Errors], times: Sequence[list[float]] | None = None) -> Course:

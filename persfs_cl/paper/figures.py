@@ -17,7 +17,9 @@ from persfs_cl.paper.printed import TANKUS_VASE, YANG_HAN_VASE
 from persfs_cl.scenes import Scene
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+    from matplotlib.image import AxesImage
     from mpl_toolkits.mplot3d import Axes3D
 
 Array = NDArray[np.float64]
@@ -151,16 +153,16 @@ def statue(
 
     names = ("the project's sweeps", "Tankus' method")
     number = courses[0][0].iterations[-1]
-    heights = [camera.fx * (depth - 1.0) for depth in depths]
+    # What is not solved lies where its edge does.
+    heights = [camera.fx * np.nan_to_num(depth - 1.0) for depth in depths]
     # Where there is no surface yet, or none to be found, there is no limit to the heights: they are cut off.
-    limits = (0.0, min(float(np.nanmax(heights[0])), float(max(image.shape))))
+    limits = (0.0, min(float(heights[0].max()), float(max(image.shape))))
     with _figure(path, 10.5, 6.6) as figure:
         upper, lower = _halves(figure)
         titles = ["(a) photograph", *(f"({letter}) {name}: image" for letter, name in zip("ce", names, strict=True))]
         panels = upper.subplots(1, 3, sharey=True)
         for axes, title, values in zip(panels, titles, (image, *again), strict=True):
-            picture = axes.imshow(values, cmap="gray", vmin=0, vmax=255)
-            axes.set(title=title, xlabel="column (px)")
+            picture = _photograph(axes, values, title)
         panels[0].set_ylabel("row (px)")
         upper.colorbar(picture, ax=panels, shrink=0.8, label="grey levels")
         axes = lower.add_subplot(1, 3, 1)
@@ -180,6 +182,32 @@ def statue(
             if values.max() > 1.02 * limits[1]:
                 title += ", cut off"
             _solid(_solid_axes(lower, (1, 3, place)), values.clip(*limits), title, limits)
+
+
+def flash(path: FilePath, image: Array, depth: Array, again: Array, camera: Camera) -> None:
+    """Photograph, surface found from it as one by flash, and that surface photographed again.
+
+    Parameters
+    ----------
+    path : path
+    image : ndarray, shape (height, width)
+        In grey levels.
+    depth, again : ndarray, shape (height, width)
+        Depth found, and its image in grey levels.
+    camera : Camera
+    """
+    # The surface is known up to its size: a pixel is as long as it is at the median depth. The steep rim is cut off.
+    heights = camera.fx * (np.nanpercentile(depth, 99.0) - depth) / np.nanmedian(depth)
+    limits = (0.0, float(np.nanmax(heights)))
+    with _figure(path, 10.5, 3.7) as figure:
+        left, right = _parts(figure, 1, 2, width_ratios=(1.75, 1.0))
+        panels = left.subplots(1, 2, sharey=True)
+        titles = ("(a) photograph", "(g) by flash, upwind: image")
+        for axes, title, values in zip(panels, titles, (image, again), strict=True):
+            picture = _photograph(axes, values, title)
+        panels[0].set_ylabel("row (px)")
+        left.colorbar(picture, ax=panels, shrink=0.7, label="grey levels")
+        _solid(_solid_axes(right, (1, 1, 1)), heights.clip(*limits), "(f) by flash, upwind, rim cut off", limits)
 
 
 def sensitivity(path: FilePath, errors: Sequence[tuple[str, str, float, float | None]], iterations: int) -> None:
@@ -225,8 +253,18 @@ def _errors(course: Course, title: str) -> tuple[float, ...]:
 
 
 def _halves(figure: Figure) -> tuple[SubFigure, SubFigure]:
-    halves: Any = figure.subfigures(2, 1)
-    return halves[0], halves[1]
+    return _parts(figure, 2, 1)
+
+
+def _parts(figure: Figure, rows: int, columns: int, **keywords: Any) -> tuple[SubFigure, SubFigure]:
+    parts: Any = figure.subfigures(rows, columns, **keywords)
+    return parts[0], parts[1]
+
+
+def _photograph(axes: Axes, values: Array, title: str) -> AxesImage:
+    """Grey levels; black where there are none, as the background of the photograph is."""
+    axes.set(title=title, xlabel="column (px)", facecolor="black")
+    return axes.imshow(values, cmap="gray", vmin=0, vmax=255)
 
 
 def _solid_axes(figure: Figure | SubFigure, place: tuple[int, int, int]) -> Axes3D:

@@ -85,15 +85,8 @@ def with_minus(scene: Scene, start: float) -> Iterator[Array]:
     In NumPy, by the twin that judges the kernels.
     """
     problem = _problem(scene)
-    twin = _Negated(
-        log_depth=np.where(problem.domain.solved, start - problem.level, problem.start),
-        brightness=problem.shading,
-        flags=problem.domain.flags,
-        boundary=problem.domain.boundary,
-        grid=problem.grid,
-        light=problem.model.light,
-        max_slope=problem.max_slope,
-    )
+    twin = _Negated.of(problem)
+    twin.log_depth[problem.domain.solved] = start - problem.level
     while True:
         twin.iterate()
         yield np.exp(twin.log_depth + problem.level)

@@ -1,17 +1,13 @@
-"""Tables as Markdown and CSV, from the same cells; and a page that holds them between markers."""
+"""Tables as Markdown and CSV, from the same cells."""
 
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, atomic_path
-
-_END = "<!-- end -->"
-_MARKED = re.compile(r"<!-- (?P<name>[\w-]+) -->\n(?P<content>.*?)\n?<!-- end -->", re.DOTALL)
+from persfs_cl.page import CIRCUMSTANCES, between_markers, markdown_table
 
 
 @dataclass(frozen=True)
@@ -38,8 +34,7 @@ class Table:
     @property
     def markdown(self) -> str:
         """The table, without its title."""
-        rule = ["---" if column < self.words else "--:" for column in range(len(self.header))]
-        return "\n".join(f"| {' | '.join(cells)} |" for cells in (self.header, rule, *self.rows))
+        return markdown_table(self.header, self.rows, words=self.words)
 
     def write_csv(self, path: FilePath) -> None:
         """Write the header and the rows.
@@ -70,7 +65,7 @@ class Findings:
 
 def fragments(tables: Sequence[Table], circumstances: str) -> dict[str, str]:
     """What stands between the markers of a page, by their names."""
-    return {"circumstances": circumstances, **{table.name: table.markdown for table in tables}}
+    return {CIRCUMSTANCES: circumstances, **{table.name: table.markdown for table in tables}}
 
 
 def write_fragments(path: FilePath, tables: Sequence[Table], circumstances: str) -> None:
@@ -83,28 +78,8 @@ def write_fragments(path: FilePath, tables: Sequence[Table], circumstances: str)
     """
     titles = {table.name: f"## {table.title}\n\n" for table in tables}
     parts = [
-        f"{titles.get(name, '')}<!-- {name} -->\n{content}\n{_END}\n"
+        f"{titles.get(name, '')}{between_markers(name, content)}\n"
         for name, content in fragments(tables, circumstances).items()
     ]
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(parts), encoding="utf-8")
-
-
-def marked(page: str) -> dict[str, str]:
-    """What a page holds between its markers, by their names."""
-    return {found["name"]: found["content"] for found in _MARKED.finditer(page)}
-
-
-def filled(page: str, contents: Mapping[str, str]) -> str:
-    """The page with other contents between those of its markers that are named.
-
-    Raises
-    ------
-    InputError
-        When the page lacks a marker.
-    """
-    if missing := [name for name in contents if name not in marked(page)]:
-        raise InputError(f"the page has no place for {missing[0]!r}: add <!-- {missing[0]} --> and {_END} to it.")
-    return _MARKED.sub(
-        lambda found: f"<!-- {found['name']} -->\n{contents.get(found['name'], found['content'])}\n{_END}", page
-    )

@@ -1,0 +1,64 @@
+/* One colour of the checkerboard in a row: cells that read only cells of the other colour.
+ *
+ * The columns are stored apart, the even ones before the odd ones, so that the cells of one colour of a row lie side by
+ * side: half the memory traffic, and whole vectors. Left and right neighbours are in the other half of the row.
+ */
+#define GAP (LANES > 4 ? LANES : 4) /* columns at the end of each half that are never written */
+
+/* No neighbour comes before the others here: a scheme that has directions looks in all four. */
+static inline number value_from_all_sides(const number brightness, const number here, const number left,
+                                          const number right, const number up, const number down, const real to_p, const real to_q,
+                                          const axis x, const axis y, const real *parameters)
+{
+#if DIRECTED
+    return least(least(inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters),
+                       inner_value(brightness, here, right, left, up, down, -to_p, to_q, x, y, parameters)),
+                 least(inner_value(brightness, here, left, right, down, up, to_p, -to_q, x, y, parameters),
+                       inner_value(brightness, here, right, left, down, up, -to_p, -to_q, x, y, parameters)));
+#else
+    return inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters);
+#endif
+}
+
+/* Updates, in place, the vectors `first`, `first + step`, ... of the cells of one colour in a row. */
+static inline void update_colour(__global real *log_depth,          /* of one image, shape (rows, stride), columns apart */
+                                 __global const real *brightness,   /* E, marked as in cell.cl, same shape               */
+                                 __global const uchar *flags,       /* same shape                                        */
+                                 const real *parameters,            /* shape (PARAMETERS,)                               */
+                                 __global const real *column_table, /* shape (3, stride), columns apart                  */
+                                 __global const real *row_table,    /* shape (3, rows)                                   */
+                                 const int rows, const int stride,
+                                 const int row,    /* stored row                         */
+                                 const int colour, /* parity of stored row + column      */
+                                 const int first, const int step)
+{
+    const int half_stride = stride / 2;
+    const int odd = (row + colour) & 1; /* these cells stand in the odd columns of their row */
+    const long begin = (long)row * stride + odd * half_stride;
+    const int to_left = odd ? -half_stride : half_stride - 1;
+    __global real *cells = log_depth + begin;
+    __global const real *shadings = brightness + begin;
+    __global const real *columns = column_table + odd * half_stride;
+    const axis y = {(number)row_table[row], (number)row_table[rows + row], (number)row_table[2 * rows + row]};
+    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
+    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
+
+    for (int at = LANES * first; at < half_stride - GAP; at += LANES * step) {
+        __global real *cell = cells + at;
+        const number shading = LOAD(shadings + at);
+        const number here = LOAD(cell);
+        const number left = LOAD(cell + to_left), right = LOAD(cell + to_left + 1);
+        const number up = LOAD(cell - stride), down = LOAD(cell + stride);
+        const axis x = {LOAD(columns + at), LOAD(columns + at + stride), LOAD(columns + at + 2 * stride)};
+
+        number value = value_from_all_sides(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
+#if RIM_CELLS
+        if (any_sign(as_integer(shading))) {
+            const integer missing = LOAD_FLAGS(flags + begin + at);
+            const number rim = rim_value(magnitude(shading), missing, here, left, right, up, down, x, y, parameters);
+            value = as_integer(shading) < 0 ? rim : value;
+        }
+#endif
+        STORE(cell, value < here ? value : here);
+    }
+}

@@ -1,0 +1,134 @@
+"""How the sweeps are laid out on a device: which kernels, and how much each work-group does."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.layout import Layout
+
+CPU_LANES = 8
+"""Wider vectors divide and take square roots no faster."""
+_BANDS = 3
+_BAND_PIXELS = 4096
+"""The bands that a group works on at a time stay in a processor's second-level cache, eight half-sweeps long."""
+_CACHED_PIXELS = 2**20
+"""An image of this size, with its brightness, stays in a processor's second-level cache, or nearly."""
+_SMALL_PIXELS = 2**16
+"""Up to this size a second processor saves less than working together costs."""
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """How the sweeps are laid out on a device; the results do not depend on it, but for the last two.
+
+    Attributes
+    ----------
+    variant : str
+        Kernel file of the sweep.
+    lanes : int
+        Cells a work-item updates at once.
+    bands : int
+        Vectors a strip of the wavefront is high.
+    work_groups : int
+        How many run along strips, or over images or bands, at a time.
+    polls : int
+        After so many looks in vain a work-group no longer waits for another: some hundred microseconds.
+    band_rows : int
+        Rows of a band of the checkerboard.
+    second_order : bool
+        Correct the differences of the upwind scheme to second order.
+    only_lower : bool
+        Let the corrected values only fall.
+    """
+
+    variant: str
+    lanes: int = 1
+    bands: int = 1
+    work_groups: int = 1
+    polls: int = 4000
+    band_rows: int = 1
+    second_order: bool = False
+    only_lower: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        device: Device,
+        ordering: str,
+        shape: tuple[int, int],
+        images: int,
+        *,
+        second_order: bool = False,
+        only_lower: bool = False,
+    ) -> Tuning:
+        """What suits a device, and a number of images of one size.
+
+        Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at. Elsewhere the
+        wavefront goes tile by tile, and the checkerboard a colour at a time, with many items.
+        """
+        if second_order:
+            # These visit cells one by one: the wider stencil and its case distinctions are not for vectors.
+            variants = {"checkerboard": "three_colours", "wavefront": "wavefront_tiles"}
+            return cls(variants.get(ordering, ordering), second_order=True, only_lower=only_lower)
+        if ordering == "lexicographic":
+            return cls("lexicographic")
+        if device.kind != "cpu":
+            return cls({"wavefront": "wavefront_tiles"}.get(ordering, ordering))
+        pixels = shape[0] * shape[1]
+        # A group that waits keeps its processor: more groups than processors would only be in each other's way.
+        groups = min(device.compute_units, _processors())
+        if ordering == "checkerboard":
+            if pixels <= _SMALL_PIXELS:
+                groups = min(images, groups)
+            return cls("checkerboard_bands", CPU_LANES, band_rows=-(-_BAND_PIXELS // shape[1]), work_groups=groups)
+        if pixels <= _SMALL_PIXELS or (images >= groups and pixels <= _CACHED_PIXELS):
+            return cls("wavefront_images", CPU_LANES, _BANDS, work_groups=min(images, groups))
+        return cls("wavefront_strips", CPU_LANES, _BANDS, work_groups=groups)
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """Constants of the program."""
+        sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
+        if self.second_order:
+            sizes["ONLY_LOWER"] = int(self.only_lower)
+        if self.in_strips:
+            sizes |= {"BANDS": self.bands, "POLLS": self.polls}
+        elif self.variant == "checkerboard_bands":
+            sizes["POLLS"] = self.polls
+        return {"LANES": self.lanes, **sizes}
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Kernel files after those of model and scheme."""
+        before = {
+            "wavefront_images": ("strip", "boundary", "change"),
+            "wavefront_strips": ("strip",),
+            "checkerboard": ("colour",),
+            "checkerboard_bands": ("colour", "change"),
+        }
+        cell = "second_order" if self.second_order else "cell"
+        return (*before.get(self.variant, (cell,)), self.variant)
+
+    @property
+    def in_strips(self) -> bool:
+        """Whether vectors run along strips."""
+        return self.variant in ("wavefront_strips", "wavefront_images")
+
+    def layout(self, shape: tuple[int, int]) -> Layout:
+        """How an image must lie for this variant."""
+        if self.variant.startswith("checkerboard"):
+            return Layout.columns_apart(shape, self.lanes)
+        if not self.in_strips:
+            margin = 2 if self.second_order else 1
+            return Layout.padded(shape, margin, margin)
+        # The last strip may reach past the image; lanes lean out by a strip's height and a block.
+        strip = 8 * self.bands
+        return Layout.padded(shape, -shape[0] % strip + 1, strip + 8)
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
+    return len(affinity(0)) if affinity else os.cpu_count() or 1

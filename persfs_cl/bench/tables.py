@@ -1,0 +1,227 @@
+"""Records as the tables of the pages that publish them, by the names of their markers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from decimal import Decimal
+from typing import Any
+
+from persfs_cl.bench import accuracy as exact
+from persfs_cl.bench.convergence import ELAPSED
+from persfs_cl.bench.rates import PLAIN_C, RATE_UNIT
+from persfs_cl.bench.report import number
+from persfs_cl.bench.results import Record
+from persfs_cl.circumstances import summary
+from persfs_cl.page import CIRCUMSTANCES, markdown_table
+
+Records = Sequence[Record]
+
+_SPREAD = "median (lowest–highest)"
+_RATES = f"{RATE_UNIT}, {_SPREAD}"
+_MILLISECONDS = f"ms, {_SPREAD}"
+
+
+def contents(header: Mapping[str, Any], records: Records) -> dict[str, str]:
+    """What belongs between the markers of a page: the circumstances, and the tables of the experiments that were run.
+
+    Parameters
+    ----------
+    header : mapping
+        As :func:`persfs_cl.circumstances.circumstances` has it.
+    records : sequence of Record
+        Each experiment's own all together, in the order in which they were found.
+    """
+    found = {CIRCUMSTANCES: _circumstances(header, records)}
+    for name, (experiment, made) in _TABLES.items():
+        if own := [record for record in records if record.experiment == experiment]:
+            found[name] = made(own)
+    return found
+
+
+def markers(experiments: Iterable[str]) -> list[str]:
+    """Names of the tables that come of some experiments."""
+    wanted = set(experiments)
+    return [name for name, (experiment, _) in _TABLES.items() if experiment in wanted]
+
+
+def two_digits(value: float | None) -> str:
+    """Two significant digits, never as a power of ten; empty for None."""
+    return "" if value is None else format(Decimal(f"{value:.1e}"), "f")
+
+
+def _circumstances(header: Mapping[str, Any], records: Records) -> str:
+    parts = [summary(header).replace("\n", "; ")]
+    parts += [record.detail for record in records if record.subject == PLAIN_C and record.median is not None][:1]
+    if header["load_average"] is not None:
+        parts.append(f"load average at the start {header['load_average']:.1f}")
+    return "; ".join(parts)
+
+
+def _value(record: Record, form: Callable[[float | None], str] = number) -> str:
+    """The median, and the spread if there is one; or why it is missing."""
+    if record.median is None:
+        return record.detail
+    spread = f" ({form(record.lowest)}–{form(record.highest)})" if record.repeats > 1 else ""
+    return form(record.median) + spread
+
+
+def _factor(record: Record) -> str:
+    return "" if record.factor is None else f"{record.factor:.1f}"
+
+
+def _pixels(record: Record) -> str:
+    return f"{record.size}²" if record.size else ""
+
+
+def _orderings(records: Records) -> str:
+    rows = [(record.subject, _pixels(record), _value(record), _factor(record)) for record in records]
+    return markdown_table(("what", "pixels", _RATES, f"× {PLAIN_C}"), rows, words=1)
+
+
+def _beside_plain_c(head: str, name: Callable[[Record], str], records: Records) -> str:
+    """A column each subject, a row each value of what is varied."""
+    rows: dict[str, dict[str, str]] = {}
+    for record in records:
+        factor = "" if record.factor is None or record.subject == PLAIN_C else f", {_factor(record)} ×"
+        rows.setdefault(name(record), {})[record.subject] = _value(record) + factor
+    subjects = list(dict.fromkeys(record.subject for record in records))
+    cells = [(value, *(row.get(subject, "") for subject in subjects)) for value, row in rows.items()]
+    return markdown_table((head, *subjects), cells, words=1)
+
+
+def _sizes(records: Records) -> str:
+    return _beside_plain_c("pixels", _pixels, records)
+
+
+def _batch(records: Records) -> str:
+    # The plain C sweep has one image whatever their number.
+    shared = [record for record in records if record.subject != PLAIN_C]
+    return _beside_plain_c("images", lambda record: str(record.images), shared)
+
+
+def _precision(records: Records) -> str:
+    return _beside_plain_c("precision", lambda record: record.precision, records)
+
+
+def _tunings(records: Records) -> str:
+    rows = [(record.subject, _value(record), record.detail) for record in records]
+    return markdown_table(("kernel", _RATES, ""), rows, words=1)
+
+
+def _roofline(records: Records) -> str:
+    rows = [
+        (record.subject, _pixels(record), f"{record.quantity}, {record.unit}", _value(record), record.detail)
+        for record in records
+    ]
+    return markdown_table(("what", "pixels", "quantity", _SPREAD, "assumed"), rows, words=3)
+
+
+def _small(records: Records) -> str:
+    rows = [(record.subject, _value(record), number(record.by_device)) for record in records]
+    return markdown_table(("ordering", _MILLISECONDS, "of these on the device"), rows, words=1)
+
+
+def _convergence(records: Records) -> str:
+    last = {record.subject: record for record in records if record.quantity == ELAPSED}
+    rows = [(subject, str(record.iteration), _value(record)) for subject, record in last.items()]
+    return markdown_table(("ordering", "iterations", f"ms on the device, {_SPREAD}"), rows, words=1)
+
+
+def _solutions(records: Records) -> str:
+    rows = [
+        (_pixels(record), record.subject, _value(record), "" if record.median is None else record.detail)
+        for record in records
+    ]
+    return markdown_table(("pixels", "solver", _MILLISECONDS, "how"), rows, words=2)
+
+
+def _compilation(records: Records) -> str:
+    rows = [(record.subject, record.quantity, _value(record)) for record in records]
+    return markdown_table(("ordering", "quantity", f"s, {_SPREAD}"), rows, words=2)
+
+
+def _memory(records: Records) -> str:
+    rows = [(_pixels(record), record.quantity, f"{_value(record)} {record.unit}", record.detail) for record in records]
+    return markdown_table(("pixels", "quantity", "value", "what"), rows, words=2)
+
+
+def _accuracy(records: Records) -> str:
+    by_subject: dict[str, dict[int, str]] = {}
+    orders = {}
+    for record in records:
+        if record.quantity == exact.ORDER:
+            orders[record.subject] = "" if record.median is None else f"{record.median:.2f}"
+        else:
+            found = by_subject.setdefault(record.subject, {})
+            found[record.size] = f"{two_digits(record.median)} ({record.iteration})"
+    sizes = sorted({size for found in by_subject.values() for size in found})
+    rows = [
+        (scene, scheme, *(by_subject[name].get(size, "") for size in sizes), orders.get(name, ""))
+        for scheme in exact.SCHEMES
+        for scene in exact.SCENES
+        if (name := exact.subject(scene, scheme)) in by_subject
+    ]
+    return markdown_table(("scene", "scheme", *(f"{size}²" for size in sizes), "order"), rows, words=2)
+
+
+def _flash(records: Records) -> str:
+    rows: dict[str, list[str]] = {}
+    for record in records:
+        rows.setdefault(record.subject, [_pixels(record)]).append(_value(record, two_digits))
+    last = {record.subject: "" if record.iteration is None else str(record.iteration) for record in records}
+    # One that was skipped has the reason, and nothing after it.
+    cells = [(subject, *row, *[""] * (3 - len(row)), last[subject]) for subject, row in rows.items()]
+    header = ("photograph", "pixels", f"mean error, {exact.SHARE}", "after one scale", "iterations")
+    return markdown_table(header, cells, words=1)
+
+
+def _flash_materials(records: Records) -> str:
+    errors = {record.subject: record for record in records if record.quantity == exact.ERROR_SCALED}
+    names = list(exact.UNDER_FLASH)
+    rows = []
+    for true in names:
+        cells = [two_digits(errors[exact.taken("flash", true, assumed)].median) for assumed in names]
+        rows.append((true, *(f"**{cell}**" if name == true else cell for name, cell in zip(names, cells, strict=True))))
+    return markdown_table(("truly", *(f"as {name}" for name in names)), rows, words=1)
+
+
+def _parallel_materials(records: Records) -> str:
+    found = {(record.subject, record.quantity): two_digits(record.median) for record in records}
+    rows = []
+    for light in (f"{name}, {surface}" for name in exact.PARALLEL for surface in exact.SURFACES):
+        for true in exact.UNDER_PARALLEL:
+            right, matt = exact.taken(light, true, true), exact.taken(light, true, exact.MATT)
+            cells = [found[right, exact.ERROR], found[right, exact.GREY_ERROR]]
+            cells += ["", ""] if right == matt else [found[matt, exact.ERROR], found[matt, exact.GREY_ERROR]]
+            rows.append((light, true, f"**{cells[0]}**", *cells[1:]))
+    header = ("light and surface", "truly", "as what it is", "grey error", "as Lambertian", "grey error")
+    return markdown_table(header, rows, words=2)
+
+
+def _ambiguity(records: Records) -> str:
+    rows: dict[tuple[str, str], list[str]] = {}
+    for record in records:
+        rows.setdefault((record.subject, _pixels(record)), []).append(two_digits(record.median))
+    cells = [(*place, *errors) for place, errors in rows.items()]
+    return markdown_table(("material", "pixels", exact.ERROR, exact.GREY_ERROR), cells, words=1)
+
+
+_TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
+    "orderings": ("orderings", _orderings),
+    "sizes": ("sizes", _sizes),
+    "batch": ("batch", _batch),
+    "precision": ("precision", _precision),
+    "tunings": ("tunings", _tunings),
+    "roofline": ("roofline", _roofline),
+    "small": ("small", _small),
+    "convergence": ("convergence", _convergence),
+    "solutions": ("solutions", _solutions),
+    "compilation": ("compilation", _compilation),
+    "memory": ("memory", _memory),
+    "accuracy": ("accuracy", _accuracy),
+    "flash": ("flash", _flash),
+    "flash-materials": ("reflectance", _flash_materials),
+    "parallel-materials": ("reflectance", _parallel_materials),
+    "ambiguity": ("ambiguity", _ambiguity),
+}
+"""By the name of the marker: the experiment whose records a table shows, and what makes it of them."""

@@ -1,0 +1,62 @@
+"""Working by blocks of rows: nothing is left out, and nothing shows where a block ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import persfs_cl as ps
+from persfs_cl import blocks
+from persfs_cl.blocks import row_blocks
+from persfs_cl.domain import Neighbours
+
+
+@given(st.integers(1, 5000), st.integers(1, 200_000))
+def test_blocks_cover_all_rows_in_their_order(height: int, width: int) -> None:
+    rows = np.concatenate([np.arange(height)[block] for block in row_blocks((height, width))])
+    np.testing.assert_array_equal(rows, np.arange(height))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 9), st.integers(1, 9), st.integers(0, 8), st.integers(1, 9))
+def test_neighbours_of_some_rows_are_those_of_all(seed: int, height: int, width: int, begin: int, count: int) -> None:
+    pixels = np.random.default_rng(seed).uniform(size=(height, width)) < 0.5
+    rows = slice(min(begin, height), min(begin + count, height))
+    all_of_them, some = Neighbours.of(pixels), Neighbours.of(pixels, rows)
+    for side in ("left", "right", "up", "down"):
+        np.testing.assert_array_equal(getattr(some, side), getattr(all_of_them, side)[rows])
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(0.2, 0.1), ps.FlashLight()], ids=["parallel", "flash"])
+@pytest.mark.parametrize("scheme", ["lax-friedrichs", "upwind"])
+@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
+def test_the_size_of_blocks_does_not_matter(
+    light: ps.ParallelLight | ps.FlashLight,
+    scheme: ps.choices.Scheme,
+    ordering: ps.choices.Ordering,
+    device: ps.Device,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    random = np.random.default_rng(7)
+    image = random.uniform(0.3, 1.0, (23, 17))
+    mask = random.uniform(size=image.shape) > 0.1
+    known = np.where(random.uniform(size=image.shape) > 0.9, random.uniform(1.0, 1.2, image.shape), np.nan)
+
+    def solved() -> ps.Solution:
+        return ps.reconstruct(
+            image,
+            ps.Camera(60.0),
+            light=light,
+            mask=mask,
+            known_depth=known,
+            scheme=scheme,
+            ordering=ordering,
+            max_iterations=3,
+            device=device,
+        )
+
+    whole = solved()
+    monkeypatch.setattr(blocks, "_PIXELS", 5 * 17)
+    for name in ("depth", "log_depth", "solved", "unreached", "clamped"):
+        np.testing.assert_array_equal(getattr(solved(), name), getattr(whole, name), err_msg=name)
