@@ -23,7 +23,7 @@ _SELECT = "Give one of these numbers, part of a name, 'cpu' or 'gpu', or leave i
 
 
 class Device:
-    """One OpenCL device, with its context, queue and programs, which are made at first use and reused.
+    """One OpenCL device, with its context, queue, programs and kernels, which are made at first use and reused.
 
     Obtained from :func:`devices`; never constructed by users.
 
@@ -62,6 +62,7 @@ class Device:
         self.memory: int = handle.global_mem_size
         self.compute_units: int = handle.max_compute_units
         self.programs: dict[object, cl.Program] = {}
+        self.kernels: dict[object, cl.Kernel] = {}
 
     @functools.cached_property
     def context(self) -> cl.Context:

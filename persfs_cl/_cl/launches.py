@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.layout import ALIGNMENT
-from persfs_cl._cl.program import program
+from persfs_cl._cl.program import kernel
 from persfs_cl._cl.tuning import CPU_LANES, Tuning
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 from persfs_cl.errors import DeviceError
@@ -157,7 +157,7 @@ class Sweeper:
         self._rested_at = np.zeros(self.count, np.int32)
         self.kernel_seconds = 0.0
 
-        sweeping = program(device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
+        sweeping = (device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
         stored = layout.store([grid.log_depth.__getitem__ for grid in grids], grids[0].outside, self._real)
         self._log_depth = self._upload(stored)
         self._previous = self._buffer(stored.nbytes)
@@ -183,10 +183,9 @@ class Sweeper:
         begin: list[Any] = [None] * 7 + [integer, single, integer]
         if self.tuning.variant == "wavefront_images":
             self._sync_buffer = self._upload(np.zeros(1, np.int32))
-            self._iterate = cl.Kernel(sweeping, "iterate")
-            self._iterate.set_scalar_arg_dtypes([*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single])
+            scalars = [*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single]
+            self._iterate = kernel(*sweeping, "iterate", scalars)
             return
-        self._sweep = cl.Kernel(sweeping, "sweep")
         integers = {
             "lexicographic": 8,
             "wavefront_tiles": 10,
@@ -205,16 +204,16 @@ class Sweeper:
             self._bands = -(-height // self.tuning.band_rows)
             self._sync_buffer = self._upload(np.zeros(self.count * (1 + self._bands), np.int32))
             scalars += [None, integer, integer, None]
-        self._sweep.set_scalar_arg_dtypes(scalars)
+        self._sweep = kernel(*sweeping, "sweep", scalars)
 
-        self._renew = cl.Kernel(program(device, ["boundary", "renew"], precision), "renew_boundary")
-        self._renew.set_scalar_arg_dtypes([None] * 8 + [integer, single, *[integer] * 3, single])
+        scalars = [None] * 8 + [integer, single, *[integer] * 3, single]
+        self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary", scalars)
         self._renew_items = min(256, _group_size(self._renew, device))
 
         on_cpu = device.kind == "cpu"
         lanes = {"LANES": CPU_LANES if on_cpu else 1}
-        self._measure = cl.Kernel(program(device, ["change", "measure"], precision, lanes), "measure")
-        self._measure.set_scalar_arg_dtypes([None] * 3 + [integer, single, integer, integer])
+        scalars = [None] * 3 + [integer, single, integer, integer]
+        self._measure = kernel(device, ["change", "measure"], precision, lanes, "measure", scalars)
         self._measure_items = max(1, min((1 if on_cpu else 1024) * device.compute_units, layout.size // 1024))
 
     @property
@@ -222,7 +221,7 @@ class Sweeper:
         """How many iterations should be queued together: where images take turns in the cache, not too few."""
         if not self._in_turns:
             return 4
-        return max(4, min(16, _CELLS_AT_A_TIME // self._pixels))
+        return max(4, min(64, _CELLS_AT_A_TIME // self._pixels))
 
     @property
     def _in_turns(self) -> bool:
@@ -528,8 +527,7 @@ def render(
     height, width = log_depth.shape
     result = np.empty((height, width), real)
     with device.lock:
-        kernel = cl.Kernel(program(device, [*model, "render"], precision), "render")
-        kernel.set_scalar_arg_dtypes([None] * 6 + [np.int32] * 2)
+        rendering = kernel(device, [*model, "render"], precision, None, "render", [None] * 6 + [np.int32] * 2)
         brightness = _buffer(device, result.nbytes)
         # Named, so that they live until the kernel has run.
         given = [
@@ -537,20 +535,22 @@ def render(
             _upload(device, flags),
             *(_upload(device, numbers.astype(real)) for numbers in (_numbers(parameters), x, y)),
         ]
-        kernel(device.queue, (width, height), None, *given, brightness, width, height)
+        rendering(device.queue, (width, height), None, *given, brightness, width, height)
         cl.enqueue_copy(device.queue, result, brightness)
     return result
 
 
 def _numbers(parameters: Sequence[float]) -> NDArray[np.float64]:
     """One image's part of the buffer of parameters."""
-    return np.pad(np.asarray(parameters, dtype=np.float64), (0, _PARAMETERS - len(parameters)))
+    numbers = np.zeros(_PARAMETERS)
+    numbers[: len(parameters)] = parameters
+    return numbers
 
 
-def _group_size(kernel: cl.Kernel, device: Device) -> int:
+def _group_size(launched: cl.Kernel, device: Device) -> int:
     """Largest power of two that the kernel may be launched with as one group."""
     info = cl.kernel_work_group_info.WORK_GROUP_SIZE
-    limit: Any = kernel.get_work_group_info(info, device.context.devices[0])
+    limit: Any = launched.get_work_group_info(info, device.context.devices[0])
     return 1 << (int(limit).bit_length() - 1)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.program import program
+from persfs_cl._cl.program import kernel
 from persfs_cl.errors import DeviceError
 
 _COPY_LANES = {8: 16, 1: 4}
@@ -40,7 +40,7 @@ def copier(device: Device, size: int) -> Callable[[int], None]:
         When the device cannot hold two such arrays.
     """
     lanes = _lanes(device)
-    kernel = cl.Kernel(program(device, ["roofline"], "float32", {"LANES": lanes}), "copy")
+    copying = kernel(device, ["roofline"], "float32", {"LANES": lanes}, "copy", [None, None])
     try:
         arrays = [cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size) for _ in range(2)]
         for array in arrays:
@@ -54,7 +54,7 @@ def copier(device: Device, size: int) -> Callable[[int], None]:
 
     def copy(count: int) -> None:
         for _ in range(count):
-            kernel(device.queue, (blocks,), None, *arrays)
+            copying(device.queue, (blocks,), None, *arrays)
 
     return copy
 
@@ -71,15 +71,15 @@ def multiplier(device: Device, precision: str) -> tuple[Callable[[int], None], i
     """
     real = device.real(precision)
     lanes, on_cpu = _lanes(device), device.kind == "cpu"
-    kernel = cl.Kernel(program(device, ["roofline"], precision, {"LANES": lanes}), "multiply_adds")
-    kernel.set_scalar_arg_dtypes([None, np.int32, real.type, real.type])
+    scalars = [None, np.int32, real.type, real.type]
+    multiplying = kernel(device, ["roofline"], precision, {"LANES": lanes}, "multiply_adds", scalars)
     items = device.compute_units * (4 if on_cpu else 2048)
     rounds = 4096
     results = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, items * real.itemsize)
 
     def multiply(count: int) -> None:
         for _ in range(count):
-            kernel(device.queue, (items,), (1,) if on_cpu else None, results, rounds, 0.5, 0.5)
+            multiplying(device.queue, (items,), (1,) if on_cpu else None, results, rounds, 0.5, 0.5)
 
     return multiply, 2 * _CHAINS * lanes * items * rounds
 

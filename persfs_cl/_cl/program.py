@@ -60,6 +60,47 @@ def program(
     KernelBuildError
         With the compiler's log, which names files and lines.
     """
+    key, constants = _key(device, names, precision, definitions)
+    with device.lock:
+        if key not in device.programs:
+            device.programs[key] = _build(device, ["prelude", *names], constants)
+        return device.programs[key]
+
+
+def kernel(
+    device: Device,
+    names: Sequence[str],
+    precision: str,
+    definitions: Mapping[str, int] | None,
+    name: str,
+    scalars: Sequence[type | None],
+) -> cl.Kernel:
+    """A kernel of a program, made once: what pyopencl prepares for its arguments takes longer than a small image.
+
+    Its arguments belong to who holds the device's lock, and must all be given in each call.
+
+    Parameters
+    ----------
+    device, names, precision, definitions
+        As for :func:`program`.
+    name : str
+        Of the kernel's function.
+    scalars : sequence of type or None
+        NumPy type of each argument that is a number; None for the buffers.
+    """
+    key = (*_key(device, names, precision, definitions)[0], name)
+    with device.lock:
+        if key not in device.kernels:
+            made = cl.Kernel(program(device, names, precision, definitions), name)
+            made.set_scalar_arg_dtypes(scalars)
+            device.kernels[key] = made
+        return device.kernels[key]
+
+
+def _key(
+    device: Device, names: Sequence[str], precision: str, definitions: Mapping[str, int] | None
+) -> tuple[tuple[object, ...], dict[str, int]]:
+    """What tells a program from others, and the constants that it is compiled with."""
     constants = {
         "USE_DOUBLE": int(precision == "float64"),
         "LANES": 1,
@@ -68,11 +109,7 @@ def program(
         "BUILTINS": int(device.is_pocl),
         **(definitions or {}),
     }
-    key = (tuple(names), tuple(sorted(constants.items())))
-    with device.lock:
-        if key not in device.programs:
-            device.programs[key] = _build(device, ["prelude", *names], constants)
-        return device.programs[key]
+    return (tuple(names), tuple(sorted(constants.items()))), constants
 
 
 def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -> cl.Program:
