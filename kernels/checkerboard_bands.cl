@@ -80,7 +80,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
             real numbers[PARAMETERS];
             copy_parameters(numbers, parameters, image);
             for (int iteration = 0; iteration < iterations; ++iteration) {
-                if (measured && *through < (iterations_before + iteration) * bands)
+                if (measured && atomic_add(through, 0) < (iterations_before + iteration) * bands)
                     break;
                 mem_fence(CLK_GLOBAL_MEM_FENCE);
                 if (finished(changes, first_iteration + iteration, image, images, tolerance))
