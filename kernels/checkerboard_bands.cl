@@ -25,23 +25,74 @@
  */
 #define LOOKS (32 * POLLS) /* in vain, at what lies in the cache: some hundred microseconds */
 
-/* What stays the same in an iteration. */
-typedef struct {
-    __global volatile int *through; /* of an image, see above */
-    __global volatile int *states;  /* of an image, see above */
-    int bands, stages, measured, first_stage;
-} progress;
-
-/* Whether this group has the next stage of a band now. */
-static inline int claim(const progress *all, const int band, const int stage)
+/* Whether this group has a stage of a band now; `done` is what `states` says of a band that is ready for it. */
+static inline int claim(__global volatile int *states, const int bands, const int band, const int done)
 {
-    __global volatile int *state = all->states + band;
-    const int before = 2 * (all->first_stage + stage);
-    if (*state != before || (band > 0 && state[-1] < before) || (band < all->bands - 1 && state[1] < before) ||
-        atomic_cmpxchg(state, before, before + 1) != before)
+    __global volatile int *state = states + band;
+    if (*state != done || (band > 0 && state[-1] < done) || (band < bands - 1 && state[1] < done) ||
+        atomic_cmpxchg(state, done, done + 1) != done)
         return 0;
-    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    FENCE();
     return 1;
+}
+
+/* An image, and what is to be done with it. */
+typedef struct {
+    __global real *log_depth;
+    __global const real *brightness;
+    __global const uchar *flags;
+    const real *parameters;
+    __global const real *column_table, *row_table;
+    __global real *previous;
+    __global float *change; /* of the iteration */
+    int rows, stride, first_colour, band_rows, bands, halves;
+} picture;
+
+static inline void do_stage(const picture *image, const int band, const int stage)
+{
+    const int top = 1 + band * image->band_rows, bottom = min(top + image->band_rows, image->rows - 1);
+    const size_t stride = (size_t)image->stride;
+    if (stage < image->halves)
+        for (int row = top; row < bottom; ++row)
+            update_colour(image->log_depth, image->brightness, image->flags, image->parameters, image->column_table,
+                          image->row_table, image->rows, image->stride, row, (image->first_colour + stage) & 1, 0, 1);
+    else {
+        const float change = largest_change(image->log_depth, image->previous, top * stride / LANES,
+                                            bottom * stride / LANES, 1);
+        atomic_max((__global int *)image->change, as_int(change));
+    }
+}
+
+/* Takes what is ready of an iteration of an image until nothing is left, or none has been found for a while; 1 is
+ * returned if there was any.
+ */
+static inline int iterate(const picture *image, __global volatile int *states, __global volatile int *through,
+                          const int stages, const int first_stage)
+{
+    const int bands = image->bands, fronts = bands + stages - 1;
+    const int first_front = (int)((long)fronts * (long)get_group_id(0) / (long)get_num_groups(0));
+    int found = 0, left = 1;
+    for (int looks = 0; left && looks < LOOKS; looks += fronts * stages) {
+        left = 0;
+        for (int k = 0; k < fronts; ++k) {
+            const int front = (first_front + k) % fronts;
+            for (int stage = max(0, front - bands + 1); stage < min(stages, front + 1); ++stage) {
+                const int band = front - stage;
+                left |= states[band] < 2 * (first_stage + stages);
+                if (!claim(states, bands, band, 2 * (first_stage + stage)))
+                    continue;
+                do_stage(image, band, stage);
+                FENCE();
+                atomic_xchg(states + band, 2 * (first_stage + stage + 1));
+                FENCE();
+                if (stage == image->halves)
+                    atomic_inc(through);
+                found = 1;
+                looks = 0;
+            }
+        }
+    }
+    return found;
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
@@ -68,9 +119,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
       __global real *previous)           /* Z before an iteration, shape of log_depth           */
 {
     const int bands = (rows - 2 + band_rows - 1) / band_rows, stages = halves + measured;
-    const int fronts = bands + stages - 1;
     const int group = (int)get_group_id(0), groups = (int)get_num_groups(0);
-    const int first_image = (int)((long)images * group / groups), first_front = (int)((long)fronts * group / groups);
+    const int first_image = (int)((long)images * group / groups);
     for (int found = 1; found;) {
         found = 0;
         for (int k = 0; k < images; ++k) {
@@ -79,46 +129,28 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
             __global volatile int *through = sync + image, *states = sync + images + image * bands;
             real numbers[PARAMETERS];
             copy_parameters(numbers, parameters, image);
-            for (int iteration = 0; iteration < iterations; ++iteration) {
-                if (measured && atomic_add(through, 0) < (iterations_before + iteration) * bands)
+            for (int iteration = first_iteration; iteration < first_iteration + iterations; ++iteration) {
+                const int done = iteration - first_iteration;
+                if (measured && atomic_add(through, 0) < (iterations_before + done) * bands)
                     break;
-                mem_fence(CLK_GLOBAL_MEM_FENCE);
-                if (finished(changes, first_iteration + iteration, image, images, tolerance))
+                FENCE();
+                if (finished(changes, iteration, image, images, tolerance))
                     break;
-                const progress all = {through, states, bands, stages, measured, stages_before + iteration * stages};
-                for (int looks = 0; looks < LOOKS; looks += fronts * stages) {
-                    int left = 0;
-                    for (int j = 0; j < fronts; ++j) {
-                        const int front = (first_front + j) % fronts;
-                        for (int stage = max(0, front - bands + 1); stage < min(stages, front + 1); ++stage) {
-                            const int band = front - stage;
-                            left += states[band] < 2 * (all.first_stage + stages);
-                            if (!claim(&all, band, stage))
-                                continue;
-                            const int top = 1 + band * band_rows, bottom = min(top + band_rows, rows - 1);
-                            if (stage < halves)
-                                for (int row = top; row < bottom; ++row)
-                                    update_colour(log_depth + begin, brightness + begin, flags + begin, numbers,
-                                                  column_table + image * 3 * stride, row_table + image * 3 * rows,
-                                                  rows, stride, row, (first_colour + stage) & 1, 0, 1);
-                            else {
-                                const float change =
-                                    largest_change(log_depth + begin, previous + begin,
-                                                   (size_t)top * stride / LANES, (size_t)bottom * stride / LANES, 1);
-                                atomic_max((__global int *)(changes + (first_iteration + iteration) * images + image),
-                                           as_int(change));
-                            }
-                            mem_fence(CLK_GLOBAL_MEM_FENCE);
-                            atomic_xchg(states + band, 2 * (all.first_stage + stage + 1));
-                            if (stage == halves)
-                                atomic_inc(through);
-                            found = 1;
-                            looks = 0;
-                        }
-                    }
-                    if (!left)
-                        break;
-                }
+                const picture all = {log_depth + begin,
+                                     brightness + begin,
+                                     flags + begin,
+                                     numbers,
+                                     column_table + image * 3 * stride,
+                                     row_table + image * 3 * rows,
+                                     previous + begin,
+                                     changes + iteration * images + image,
+                                     rows,
+                                     stride,
+                                     first_colour,
+                                     band_rows,
+                                     bands,
+                                     halves};
+                found |= iterate(&all, states, through, stages, stages_before + done * stages);
             }
         }
     }

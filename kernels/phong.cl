@@ -34,7 +34,8 @@ static inline number dimming_rate(const number square, const real *material)
     const number mirrored = ((number)1 - square) / secant;
     const number highlight = material[SPECULAR] * lobe(mirrored, material[SHININESS]);
     const number returned = material[DIFFUSE] / length + highlight;
+    const number dimmer = mirrored > (number)DIMMEST ? highlight / mirrored : (number)0;
     const number fall = material[DIFFUSE] / ((number)2 * secant * length) +
-                        (number)(2 * material[SHININESS]) * (highlight / most(mirrored, (number)DIMMEST)) / (secant * secant);
+                        (number)(2 * material[SHININESS]) * dimmer / (secant * secant);
     return fall / returned;
 }

@@ -5,7 +5,7 @@
  *             of the same width. The functions of model, scheme and cell are written for any number of lanes.
  * FUSED       1: multiply-add is the library's; 0: a product and a sum that the compiler contracts, where the former is a
  *             function call.
- * BUILTINS    1: the compiler's own functions for what the library lacks or does by a call: square root, prefetch.
+ * BUILTINS    1: the compiler's own functions for what the library lacks or does by a call: square root, prefetch, fence.
  *
  * Contraction is off elsewhere and every fused multiply-add is written out, so that two orderings compiled from the same
  * cell update give the same bits on a device.
@@ -81,6 +81,15 @@ static inline number contracted(const number a, const number b, const number c)
 #define ROOT __builtin_sqrtf
 #else
 #define ROOT sqrt
+#endif
+
+/* Between work-groups: what a work-item has read and written before comes before what it reads and writes after. In PoCL
+ * mem_fence does nothing, and not every atomic operation is such a fence itself.
+ */
+#if BUILTINS
+#define FENCE() __atomic_thread_fence(__ATOMIC_SEQ_CST)
+#else
+#define FENCE() mem_fence(CLK_GLOBAL_MEM_FENCE)
 #endif
 
 #if BUILTINS

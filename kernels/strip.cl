@@ -119,7 +119,7 @@ static inline int blocks_of(const int width)
 /* Says how many blocks of a strip are done, after the stores of these. */
 static inline void publish(__global volatile int *progress, const int blocks)
 {
-    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    FENCE();
     atomic_xchg(progress, blocks);
 }
 
@@ -134,7 +134,7 @@ static inline int wait_for(__global volatile int *progress, const int wanted, co
         polls = now > done ? 0 : polls;
         done = now;
     }
-    mem_fence(CLK_GLOBAL_MEM_FENCE);
+    FENCE();
     return done;
 }
 

@@ -309,7 +309,7 @@ class Reference:
     def of(cls, problem: Problem, *, linear: bool = False) -> Reference:
         """The same as the kernels are given of a problem, at its start values; `linear` is a matter of the run."""
         return cls(
-            log_depth=problem.start.copy(),
+            log_depth=problem.start,
             brightness=problem.shading,
             flags=problem.domain.flags,
             boundary=problem.domain.boundary,

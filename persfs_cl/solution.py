@@ -35,7 +35,10 @@ class Status(enum.Enum):
     """How an iteration ended; the value says what that means and what to try."""
 
     CONVERGED = "The largest change over an iteration is at most the tolerance."
-    MAX_ITERATIONS = "The iterations ran out first: raise max_iterations, or accept a larger tolerance."
+    MAX_ITERATIONS = (
+        "The iterations ran out first: raise max_iterations, or accept a larger tolerance. Or, with a lamp beside the "
+        "camera, its rounds did: have it nearer to the camera."
+    )
     STOPPED = "The callback, or the user, ended the iteration: the surface is what it was then."
 
 

@@ -554,7 +554,8 @@ def _take_lamp_to_camera(
                 going.append(place)
                 continue
             if change > lamp.LOST:
-                run.statuses[place] = Status.MAX_ITERATIONS
+                if run.statuses[place] is Status.CONVERGED:
+                    run.statuses[place] = Status.MAX_ITERATIONS
                 warnings.warn(
                     f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
                     f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it.",
@@ -624,10 +625,11 @@ def _stop_at_once(_iteration: int, _change: float) -> bool:
 
 def _require_convergence(solution: Solution, which: str, tolerance: float) -> None:
     if solution.status is not Status.CONVERGED:
+        change = solution.changes[-1]
+        # Not so where a round of the lamp, or of the second order, was still to come.
+        still = f": max |ΔZ| is still {change:.3g}, above the tolerance {tolerance:g}" if change > tolerance else ""
         raise ConvergenceError(
-            f"{which}Not converged after {solution.iterations} iterations: max |ΔZ| is still "
-            f"{solution.changes[-1]:.3g}, above the tolerance {tolerance:g}. {solution.status.value}",
-            solution,
+            f"{which}Not converged after {solution.iterations} iterations{still}. {solution.status.value}", solution
         )
 
 

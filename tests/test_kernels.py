@@ -11,6 +11,7 @@ import pytest
 from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, sweeper
 
 from persfs_cl import Device, DeviceError, ParallelLight
+from persfs_cl._cl import launches
 from persfs_cl._cl.launches import DIRECTIONS, Sweeper
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.problem import Problem
@@ -306,6 +307,36 @@ def test_an_image_rests_from_the_iteration_that_met_the_tolerance(
     np.testing.assert_array_equal(queued.log_depth(), expected)
     stepwise.run(5)
     np.testing.assert_array_equal(stepwise.log_depth(), expected)
+
+
+@pytest.mark.parametrize("tuning", BANDS[1:3], ids=str)
+def test_an_image_that_rests_does_so_in_the_launches_that_follow(
+    device: Device, tuning: Tuning, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = random_problem(1, (30, 30), boundary="wall")
+    one, several = (
+        sweeper(problem, device, "float32", "checkerboard", tolerance=0.01, tuning=tuning) for _ in range(2)
+    )
+    expected = one.run(100)
+    rests_after = int(np.argmax(expected <= 0.01)) + 1
+    assert 3 < rests_after < 90
+    monkeypatch.setattr(launches, "_LAUNCHED_CELLS", 3 * problem.shading.size)
+    np.testing.assert_array_equal(several.run(100), expected)
+    np.testing.assert_array_equal(several.log_depth(), one.log_depth())
+
+
+@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
+def test_runs_that_share_kernels_do_not_touch_each_other(device: Device, ordering: str) -> None:
+    problems = [random_problem(seed, (30, 37), boundary="wall") for seed in range(3)]
+    alone, in_turns = ([sweeper(problem, device, "float32", ordering) for problem in problems] for _ in range(2))
+    for kernel in alone:
+        for _ in range(5):
+            kernel.run(2)
+    for _ in range(5):
+        for kernel in in_turns:
+            kernel.run(2)
+    for one, other in zip(alone, in_turns, strict=True):
+        np.testing.assert_array_equal(one.log_depth(), other.log_depth())
 
 
 @pytest.mark.parametrize("work_groups", [1, 2, 3, 4])

@@ -423,6 +423,13 @@ class TestLampBesideTheCamera:
         ):
             solution = self.solve(scene)
         assert solution.status is ps.Status.MAX_ITERATIONS
+        assert solution.changes[-1] <= solution.parameters["tolerance"]
+        with (
+            pytest.warns(UserWarning, match="too far from the camera|turn their back to the lamp"),
+            pytest.raises(ps.ConvergenceError, match="have it nearer") as caught,
+        ):
+            self.solve(scene, throw=True)
+        assert "above the tolerance" not in str(caught.value)
 
     def test_render_is_the_formula(self) -> None:
         scene = self.scene((0.1, 0.05, -0.1), ps.Phong())

@@ -155,13 +155,13 @@ class Sweeper:
         self._row = 0
         self._rested = np.zeros(self.count, bool)
         self._rested_at = np.zeros(self.count, np.int32)
+        self._begun = False
         self.kernel_seconds = 0.0
 
         sweeping = (device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
         stored = layout.store([grid.log_depth.__getitem__ for grid in grids], grids[0].outside, self._real)
         self._log_depth = self._upload(stored)
         self._previous = self._buffer(stored.nbytes)
-        cl.enqueue_copy(device.queue, self._previous, self._log_depth)
         numbers = np.stack([_numbers(grid.parameters) for grid in grids])
         reversed_too = self.tuning.in_strips
         columns = np.stack([layout.column_table(grid.x_axis, reversed_too=reversed_too) for grid in grids])
@@ -226,9 +226,8 @@ class Sweeper:
     @property
     def _in_turns(self) -> bool:
         """Whether each group takes an image through all iterations of a launch, and then another."""
-        return self.tuning.variant in ("wavefront_images", "checkerboard_bands") and (
-            self.count >= self.tuning.work_groups
-        )
+        bands = self.tuning.variant == "checkerboard_bands" and not self._has_boundary
+        return self.tuning.variant == "wavefront_images" or (bands and self.count >= self.tuning.work_groups)
 
     def run(self, iterations: int) -> NDArray[np.float64]:
         """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
@@ -386,6 +385,10 @@ class Sweeper:
 
     def _begin(self, iterations: int) -> None:
         """Clear the record of changes; its row 0 says which images rest."""
+        if not self._begun:
+            # Not before there is something to wait for it: the values may lie in memory that an error would free.
+            cl.enqueue_copy(self._device.queue, self._previous, self._log_depth)
+            self._begun = True
         host = np.zeros((iterations + 1, self.count), np.float32)
         host[0] = np.where(self._rested, -1.0, np.inf)
         if self._changes.size != host.nbytes:

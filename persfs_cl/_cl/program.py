@@ -77,7 +77,7 @@ def kernel(
 ) -> cl.Kernel:
     """A kernel of a program, made once: what pyopencl prepares for its arguments takes longer than a small image.
 
-    Its arguments belong to who holds the device's lock, and must all be given in each call.
+    Its arguments must all be given in each call, by one thread at a time: the one that holds the device's lock.
 
     Parameters
     ----------

@@ -34,7 +34,8 @@ class Tuning:
     work_groups : int
         How many run along strips, or over images or bands, at a time.
     polls : int
-        After so many looks in vain a work-group no longer waits for another: some hundred microseconds.
+        How long a work-group waits for another in vain: so many looks at its counter, of which bands, whose counters
+        lie closer by, take a multiple. Some hundred microseconds.
     band_rows : int
         Rows of a band of the checkerboard.
     second_order : bool

@@ -118,7 +118,7 @@ def described(tuning: Tuning) -> str:
         parts.append(f"{tuning.lanes} lanes")
     if tuning.in_strips:
         parts.append(f"bands: {tuning.bands}")
-    if tuning.band_rows > 1:
+    if tuning.variant == "checkerboard_bands":
         parts.append(f"rows: {tuning.band_rows}")
     if tuning.variant in ("wavefront_strips", "wavefront_images", "checkerboard_bands"):
         parts.append(f"groups: {tuning.work_groups}")
