@@ -15,9 +15,11 @@ _END = "<!-- end -->"
 _MARKED = re.compile(r"<!-- (?P<name>[\w-]+) -->\n(?P<content>(?:(?!<!-- ).)*?)\n?<!-- end -->", re.DOTALL)
 
 
-def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, words: int) -> str:
-    """Cells as a table, in which so many of the first columns hold words, and the others numbers."""
-    rule = ["---" if column < words else "--:" for column in range(len(header))]
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, words: int, remarks: bool = False) -> str:
+    """Cells as a table, in which so many of the first columns hold words, with `remarks` the last one too."""
+    rule = ["---"] * words + ["--:"] * (len(header) - words)
+    if remarks:
+        rule[-1] = "---"
     # What a compiler or the system says may hold either.
     lines = ([cell.replace("|", r"\|").replace("\n", " ") for cell in cells] for cells in (header, rule, *rows))
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

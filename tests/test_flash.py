@@ -48,6 +48,11 @@ def test_hill_is_found_to_first_order_from_the_image_alone(material: Reflectance
     assert -np.polyfit(np.log(sizes), np.log(errors), 1)[0] >= 0.9
 
 
+def test_a_highlight_that_ends_with_a_bend_is_no_obstacle() -> None:
+    """Of the exponent 1: the brightness falls steadily until the highlight is over, and then hardly any more."""
+    assert share_of_relief(hill(101, ps.Phong(0.2, 0.8, 1.0))) <= 0.0055
+
+
 @pytest.mark.parametrize("material", [*MATERIALS, ps.OrenNayar(0.9)], ids=repr)
 def test_lax_friedrichs_finds_it_too(material: Reflectance) -> None:
     coarse, fine = (share_of_relief(hill(size, material), scheme="lax-friedrichs") for size in (40, 80))

@@ -105,7 +105,7 @@ def _precision(records: Records) -> str:
 
 def _tunings(records: Records) -> str:
     rows = [(record.subject, _value(record), record.detail) for record in records]
-    return markdown_table(("kernel", _RATES, ""), rows, words=1)
+    return markdown_table(("kernel", _RATES, ""), rows, words=1, remarks=True)
 
 
 def _roofline(records: Records) -> str:
@@ -113,7 +113,7 @@ def _roofline(records: Records) -> str:
         (record.subject, _pixels(record), f"{record.quantity}, {record.unit}", _value(record), record.detail)
         for record in records
     ]
-    return markdown_table(("what", "pixels", "quantity", _SPREAD, "assumed"), rows, words=3)
+    return markdown_table(("what", "pixels", "quantity", _SPREAD, "assumed"), rows, words=3, remarks=True)
 
 
 def _small(records: Records) -> str:
@@ -132,7 +132,7 @@ def _solutions(records: Records) -> str:
         (_pixels(record), record.subject, _value(record), "" if record.median is None else record.detail)
         for record in records
     ]
-    return markdown_table(("pixels", "solver", _MILLISECONDS, "how"), rows, words=2)
+    return markdown_table(("pixels", "solver", _MILLISECONDS, "how"), rows, words=2, remarks=True)
 
 
 def _compilation(records: Records) -> str:
@@ -142,7 +142,7 @@ def _compilation(records: Records) -> str:
 
 def _memory(records: Records) -> str:
     rows = [(_pixels(record), record.quantity, f"{_value(record)} {record.unit}", record.detail) for record in records]
-    return markdown_table(("pixels", "quantity", "value", "what"), rows, words=2)
+    return markdown_table(("pixels", "quantity", "value", "what"), rows, words=2, remarks=True)
 
 
 def _accuracy(records: Records) -> str:

@@ -24,7 +24,7 @@ from persfs_cl.cli.options import DeviceOption, PrecisionOption
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import INTERRUPTED, writing
-from persfs_cl.page import fill_page, marked, read_page
+from persfs_cl.page import CIRCUMSTANCES, fill_page, marked, read_page
 
 _Choice = TypeVar("_Choice", bound=str)
 
@@ -72,8 +72,8 @@ def bench(
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="Put the tables of these experiments, and the circumstances, between the markers of this page too; may"
-            " be given several times.",
+            help="Put the tables of these experiments between the markers of this page too, and the circumstances if"
+            " these are all its tables; may be given several times.",
         ),
     ] = None,
     device: DeviceOption = None,
@@ -119,8 +119,11 @@ def bench(
         raise typer.Exit(INTERRUPTED)
     found = contents(header, records)
     for each in pages:
-        places = marked(read_page(each))
-        fill_page(each, {name: content for name, content in found.items() if name in places})
+        filled = {name: content for name, content in found.items() if name in (places := marked(read_page(each)))}
+        if len(filled) < len(places):
+            # Other tables of the page were found elsewhere, or at another time.
+            filled.pop(CIRCUMSTANCES, None)
+        fill_page(each, filled)
         typer.echo(each)
 
 

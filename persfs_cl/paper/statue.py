@@ -41,7 +41,7 @@ MASK = _DATA / "skull_mask.png"
 SHAPE = (280, 320)
 CAMERA = Camera(1211.35, principal_point=(151.0, 132.5))
 """As the series of photographs calibrates itself."""
-CAMERA_OF_EXIF = Camera(1323.0, principal_point=CAMERA.principal_point)
+CAMERA_OF_EXIF = Camera(1277.7, principal_point=CAMERA.principal_point)
 """As 55 mm on a sensor of 22.2 mm would have it, focused far away."""
 CAMERA_OF_PAPER = Camera(28.0)
 """The paper's focal length, and its principal point in the middle for want of another."""
