@@ -83,11 +83,11 @@ static inline number contracted(const number a, const number b, const number c)
 #define ROOT sqrt
 #endif
 
-/* Between work-groups: what a work-item has read and written before comes before what it reads and writes after. In PoCL
+/* Other work-groups see what was written before this before what is written after it, and likewise for reads. In PoCL
  * mem_fence does nothing, and not every atomic operation is such a fence itself.
  */
 #if BUILTINS
-#define FENCE() __atomic_thread_fence(__ATOMIC_SEQ_CST)
+#define FENCE() __atomic_thread_fence(__ATOMIC_ACQ_REL)
 #else
 #define FENCE() mem_fence(CLK_GLOBAL_MEM_FENCE)
 #endif
