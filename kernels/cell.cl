@@ -1,4 +1,5 @@
-/* One Gauss-Seidel step of one cell, in place, by the scheme's inner_value and rim_value.
+/* One Gauss-Seidel step of one cell, in place, by value_of, from first_order.cl or second_order.cl, and by the scheme's
+ * rim_value.
  *
  * In `brightness` a NaN marks a cell that is not swept: no comparison accepts its candidate. A set sign marks a swept
  * cell on the rim, with a neighbour missing, for schemes that have to know; only there are its flags read.
@@ -13,16 +14,24 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
     const real shading = brightness[cell];
     if (isnan(shading))
         return;
-    const real here = log_depth[cell], left = log_depth[cell - 1], right = log_depth[cell + 1];
-    const real up = log_depth[cell - (size_t)stride], down = log_depth[cell + (size_t)stride];
-    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
-    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
-    real value = inner_value(shading, here, leftwards ? right : left, leftwards ? left : right, upwards ? down : up,
-                             upwards ? up : down, leftwards ? -to_p : to_p, upwards ? -to_q : to_q, x, y, parameters);
+    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX] * (leftwards ? -1 : 1);
+    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY] * (upwards ? -1 : 1);
+    const long column_step = leftwards ? -1 : 1, row_step = upwards ? -(long)stride : (long)stride;
+    __global const real *at = log_depth + cell;
+    const real here = *at;
+    real left[REACH], right[REACH], up[REACH], down[REACH];
+    for (int k = 0; k < REACH; ++k) {
+        left[k] = at[-(k + 1) * column_step];
+        right[k] = at[(k + 1) * column_step];
+        up[k] = at[-(k + 1) * row_step];
+        down[k] = at[(k + 1) * row_step];
+    }
+    real value = value_of(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
 #if RIM_CELLS
     if (any_sign(as_integer(shading)))
-        value = rim_value(magnitude(shading), flags[cell], here, left, right, up, down, x, y, parameters);
+        value = rim_value(magnitude(shading), flags[cell], here, at[-1], at[1], at[-(long)stride], at[stride],
+                          x, y, parameters);
 #endif
-    if (value < here)
+    if (value < bound_of(here))
         log_depth[cell] = value;
 }

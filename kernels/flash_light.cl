@@ -61,10 +61,11 @@ static inline number least_gradient(const number brightness, const number gradie
 }
 
 /* P_c along one axis: the middle of the gradients of any steepness. */
-static inline number middle_gradient(const number brightness, const number along, const number across, const int along_y,
+static inline number middle_gradient(const number brightness, const number x, const number y, const int along_y,
                                      const real *parameters)
 {
-    return -along / multiply_add(along, along, multiply_add(across, across, (number)1));
+    const number inverse_ray = (number)1 / multiply_add(x, x, multiply_add(y, y, (number)1));
+    return -(along_y ? y : x) * inverse_ray;
 }
 
 /* The normal of the ellipse through P, A (P - P_c). */

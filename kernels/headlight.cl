@@ -25,14 +25,7 @@ typedef struct {
     number xx, xy, yy, x, y, free;
 } conic;
 
-static inline real slope_of_light(const real turn, const int along_y, const real *parameters)
-{
-    return (real)0;
-}
-
-static inline conic lit_gradients(const number dark, /* 1 - E^2 */
-                                  const number x, const number y, const real light_x, const real light_y,
-                                  const real *parameters)
+static inline conic lit_gradients(const number dark, const number x, const number y, const real *parameters)
 {
     const number scale = ((number)1 - dark) * square_ray(x, y), none = (number)0;
     const conic result = {multiply_add(scale * x, x, scale), scale * x * y, multiply_add(scale * y, y, scale), none, none,
@@ -40,15 +33,16 @@ static inline conic lit_gradients(const number dark, /* 1 - E^2 */
     return result;
 }
 
-/* The largest p in it. */
-static inline number steepest_climb(const number dark, const number along, const number across,
-                                    const number light_along, const number light_across, const real *parameters)
+/* The largest p in it, or q, which is also the largest -p or -q. */
+static inline number steepest_climb(const number dark, const number x, const number y, const int along_y,
+                                    const sided turn, const real *parameters)
 {
+    const number along = along_y ? y : x, across = along_y ? x : y;
     return root(dark / ((number)1 - dark) * multiply_add(across, across, (number)1)) / square_ray(along, across);
 }
 
 /* Its centre. */
-static inline number middle_gradient(const number brightness, const number along, const number across, const int along_y,
+static inline number middle_gradient(const number brightness, const number x, const number y, const int along_y,
                                      const real *parameters)
 {
     return (number)0;
@@ -64,8 +58,8 @@ static inline slopes outward_normal(const number brightness, const number p, con
 }
 
 /* All that the camera sees is lit. */
-static inline number lit_side(const number p, const number q, const number x, const number y, const real light_x,
-                              const real light_y)
+static inline number lit_side(const number p, const number q, const number x, const number y,
+                              const real *parameters)
 {
     return (number)1;
 }

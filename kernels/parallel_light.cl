@@ -18,32 +18,24 @@
  *     xx p^2 + 2 xy p q + yy q^2 + 2 x p + 2 y q + free <= 0,        n >= 0
  *
  * whose last three coefficients are proportional to dark: no small difference of large numbers where the surface faces the
- * light. Of `x` and `y` the sign is that of the direction one looks in, and of Z or -Z; the same goes for `light_x` and
- * `light_y`, the light's slopes p0 and q0.
+ * light.
  */
 typedef struct {
     number xx, xy, yy, x, y, free;
 } conic;
 
-/* Slope of the light along one axis, as one sees it who looks along or, with `turn` -1, against the axis. */
-static inline real slope_of_light(const real turn, const int along_y, const real *parameters)
-{
-    return turn * parameters[along_y ? LIGHT_Q0 : LIGHT_P0];
-}
-
 /* f */
-static inline number facing_ray(const number x, const number y, const real light_x, const real light_y)
+static inline number facing_ray(const number x, const number y, const real *parameters)
 {
-    return multiply_add(x, (number)light_x, multiply_add(y, (number)light_y, (number)1));
+    return multiply_add(x, parameters[LIGHT_P0], multiply_add(y, parameters[LIGHT_Q0], (number)1));
 }
 
-static inline conic lit_gradients(const number dark, /* 1 - E^2 */
-                                  const number x, const number y, const real light_x, const real light_y,
-                                  const real *parameters)
+static inline conic lit_gradients(const number dark, const number x, const number y, const real *parameters)
 {
+    const real light_x = parameters[LIGHT_P0], light_y = parameters[LIGHT_Q0];
     const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
     const number a = (x - light_x) * inverse_norm, b = (y - light_y) * inverse_norm, bright = (number)1 - dark;
-    const number per_facing = (number)1 / facing_ray(x, y, light_x, light_y), pull = dark * per_facing;
+    const number per_facing = (number)1 / facing_ray(x, y, parameters), pull = dark * per_facing;
     const number length = pull * per_facing * (1 / (inverse_norm * inverse_norm));
     const conic result = {
         multiply_add(bright * x, x, bright - a * a),
@@ -65,9 +57,12 @@ typedef struct {
     number bend, tilt, rest, spread;
 } extent;
 
-static inline extent extent_along(const number dark, const number along, const number across, const number light_along,
-                                  const number light_across, const real *parameters)
+static inline extent extent_along(const number dark, const number x, const number y, const int along_y,
+                                  const real *parameters)
 {
+    const number along = along_y ? y : x, across = along_y ? x : y;
+    const real light_along = parameters[along_y ? LIGHT_Q0 : LIGHT_P0];
+    const real light_across = parameters[along_y ? LIGHT_P0 : LIGHT_Q0];
     const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
     const number f = multiply_add(along, light_along, multiply_add(across, light_across, (number)1));
     const number facing = f * inverse_norm, shift = light_along / f;
@@ -81,26 +76,26 @@ static inline extent extent_along(const number dark, const number along, const n
     return result;
 }
 
-/* The largest p in that set, very large where there is none. Of two forms of the root the one in which nothing cancels. */
-static inline number steepest_climb(const number dark, const number along, const number across,
-                                    const number light_along, const number light_across, const real *parameters)
+/* The largest p in that set, with `along_y` the largest q, very large where there is none; with `turn` -1 the largest -p
+ * or -q. Of two forms of the root the one in which nothing cancels.
+ */
+static inline number steepest_climb(const number dark, const number x, const number y, const int along_y,
+                                    const sided turn, const real *parameters)
 {
-    const extent ends = extent_along(dark, along, across, light_along, light_across, parameters);
-    const number square_root = root(most(ends.spread, (number)0));
-    const number above = ends.tilt < (number)0 ? ends.rest : ends.tilt + square_root;
-    const number below = ends.tilt < (number)0 ? square_root - ends.tilt : ends.bend;
+    const extent ends = extent_along(dark, x, y, along_y, parameters);
+    const number square_root = root(most(ends.spread, (number)0)), tilt = turn * ends.tilt;
+    const number above = tilt < (number)0 ? ends.rest : tilt + square_root;
+    const number below = tilt < (number)0 ? square_root - tilt : ends.bend;
     /* Written so that a NaN stays one. */
     const number climb = below <= (number)0 ? (number)NOWHERE : above / below;
     return ends.spread < (number)0 ? (number)NOWHERE : climb;
 }
 
-/* Middle between the largest and the smallest p of that set, or q with the axes in the other order; 0 where it is unbounded. */
-static inline number middle_gradient(const number brightness, const number along, const number across, const int along_y,
+/* Middle between the largest and the smallest p of that set, or with `along_y` of q; 0 where it is unbounded. */
+static inline number middle_gradient(const number brightness, const number x, const number y, const int along_y,
                                      const real *parameters)
 {
-    const real light = parameters[along_y ? LIGHT_Q0 : LIGHT_P0], other = parameters[along_y ? LIGHT_P0 : LIGHT_Q0];
-    const number dark = ((number)1 - brightness) * ((number)1 + brightness);
-    const extent ends = extent_along(dark, along, across, (number)light, (number)other, parameters);
+    const extent ends = extent_along(darkness(brightness), x, y, along_y, parameters);
     return ends.bend > (number)0 ? ends.tilt / ends.bend : (number)0;
 }
 
@@ -108,17 +103,17 @@ static inline number middle_gradient(const number brightness, const number along
 static inline slopes outward_normal(const number brightness, const number p, const number q, const number x,
                                     const number y, const real *parameters)
 {
-    const conic lit = lit_gradients(((number)1 - brightness) * ((number)1 + brightness), x, y, parameters[LIGHT_P0],
-                                    parameters[LIGHT_Q0], parameters);
+    const conic lit = lit_gradients(darkness(brightness), x, y, parameters);
     const slopes normal = {lit.xx * p + lit.xy * q + lit.x, lit.xy * p + lit.yy * q + lit.y};
     return normal;
 }
 
 /* n, the sign of which tells the lit side from the other; times f. */
-static inline number lit_side(const number p, const number q, const number x, const number y, const real light_x,
-                              const real light_y)
+static inline number lit_side(const number p, const number q, const number x, const number y,
+                              const real *parameters)
 {
-    const number f = facing_ray(x, y, light_x, light_y);
+    const real light_x = parameters[LIGHT_P0], light_y = parameters[LIGHT_Q0];
+    const number f = facing_ray(x, y, parameters);
     const number square = (number)(1 + light_x * light_x + light_y * light_y);
     return multiply_add(f, multiply_add(x - light_x, p, (y - light_y) * q), square);
 }

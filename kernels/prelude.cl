@@ -3,6 +3,8 @@
  * USE_DOUBLE  0 or 1: the real type.
  * LANES       1 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an integer
  *             of the same width. The functions of model, scheme and cell are written for any number of lanes.
+ * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
+ * ONLY_LOWER  0 or 1: whether values only fall; they may rise by the correction to second order.
  * FUSED       1: multiply-add is the library's; 0: a product and a sum that the compiler contracts, where the former is a
  *             function call.
  * BUILTINS    1: the compiler's own functions for what the library lacks or does by a call: square root, prefetch, fence.
@@ -10,6 +12,13 @@
  * Contraction is off elsewhere and every fused multiply-add is written out, so that two orderings compiled from the same
  * cell update give the same bits on a device.
  */
+#ifndef REACH
+#define REACH 1
+#endif
+#ifndef ONLY_LOWER
+#define ONLY_LOWER 1
+#endif
+
 #if USE_DOUBLE
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double real;
@@ -47,6 +56,15 @@ typedef int integer;
 #define as_number as_float
 #define convert_integer convert_int
 #define convert_number convert_float
+#endif
+
+/* What depends on the direction in which one looks for the neighbours before a cell. At first order all lanes look where
+ * the sweep comes from, at second order each looks where its information comes from.
+ */
+#if REACH == 2
+typedef number sided;
+#else
+typedef real sided;
 #endif
 
 /* Vectors at any address. */
@@ -123,6 +141,14 @@ static inline number magnitude(const number a)
     return most(a, -a);
 }
 
+/* 1 - E^2: the square of the sine between normal and light, where E is the cosine. Written so that the NaN of a cell that
+ * is not swept stays one.
+ */
+static inline number darkness(const number brightness)
+{
+    return most((number)0, ((number)1 - brightness) * ((number)1 + brightness));
+}
+
 /* Whether the sign bit of any lane is set. */
 static inline int any_sign(const integer bits)
 {
@@ -140,6 +166,12 @@ static inline int any_sign(const integer bits)
 
 /* Stands for the value of a cell that is not there. Finite, so that its difference from itself is 0. */
 #define NOWHERE ((real)1e30f)
+
+/* What a new value must lie below. */
+static inline number bound_of(const number here)
+{
+    return ONLY_LOWER ? here : (number)(0.5f * NOWHERE);
+}
 
 /* Flags of a cell. A neighbour is missing where the image or the mask ends, or where a wall stands. */
 #define SWEPT 1

@@ -8,10 +8,14 @@
  *      row 1           1 2 3 4 5 6 7          right:           the old value, which is `here` of the next step
  *      row 2             2 3 4 5 6 7   step   down:            the old value `right` of the lane below
  *
+ * With REACH 2 the next neighbours come the same way: left and up from the result of the step before that, up from two
+ * lanes further up; right and down from the old values two columns ahead, down from two lanes further down. They are
+ * loaded REACH columns ahead.
+ *
  * Left and up never leave the registers. A band is one vector of 8 rows; several bands a strip hide the latency of the
  * square root. Eight steps make a block: eight unaligned loads, one a row and each a column further back, transposed in
  * registers, give the lanes of eight steps, and the results go back the same way. So the arrays stay row-major and in
- * place, for all four directions. They are padded by STRIP_ROWS + 8 columns, and by rows to whole strips and one more, on
+ * place, for all four directions. They are padded by STRIP_ROWS + 8 columns, and by rows to whole strips and REACH more, on
  * either side; the column table holds its numbers once more in reverse, shape (6, stride).
  */
 #define STRIP_ROWS (8 * BANDS)
@@ -19,6 +23,7 @@
 #define AHEAD 24 /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
 #define LEAD 8   /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
 #define EVERY 4  /* so many blocks are told of at a time: a processor that tells must wait for its stores to be done */
+#define UNROLLED (REACH == 2 ? 1 : 8) /* steps: those of reach 2 are so long that it would gain nothing */
 
 /* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
 static inline __attribute__((always_inline)) void transpose(number *vectors)
@@ -64,10 +69,21 @@ static inline axis gather_axis(__global const real *table, const int length, con
 
 /* What a strip carries from step to step. */
 typedef struct {
-    number here[BANDS];   /* old values of the lanes              */
-    number result[BANDS]; /* new values of the step before        */
-    axis y[BANDS];        /* of the rows                          */
+    number old[REACH][BANDS];    /* old values of the lanes; with reach 2 also to the right of them */
+    number result[REACH][BANDS]; /* new values of the step before; also of the one before that      */
+    axis y[BANDS];               /* of the rows                                                     */
 } lanes;
+
+/* What lanes read beside the strip, on eight steps. */
+typedef union {
+    number all;
+    real step[8];
+} border;
+
+#define NEAR 0     /* of the row beside the strip, as the lane at its edge reads it         */
+#define NEXT 1     /* of the row after that, by the same lane                               */
+#define NEAR_TOO 2 /* of the row beside the strip, as the next neighbour of the second lane */
+#define BORDERS (REACH == 2 ? 3 : 1)
 
 /* What stays the same along a strip. */
 typedef struct {
@@ -78,34 +94,51 @@ typedef struct {
     real to_p, to_q;  /* see cell.cl                                          */
 } course;
 
-/* One step of a strip: all its lanes. `with_rim` is a constant in each call. */
+/* One step of a strip: all its lanes. `coming` lies REACH columns ahead. `with_rim` is a constant in each call. */
 static inline __attribute__((always_inline)) void
-run_step(lanes *state, number right[BANDS][8], number shading[BANDS][8], const int k, const real above,
-         const real below, __global const real *table, __global const uchar *flags, const course *way,
+run_step(lanes *state, number coming[BANDS][8], number shading[BANDS][8], const int k, const border *above,
+         const border *below, __global const real *table, __global const uchar *flags, const course *way,
          const real *parameters, const int with_rim)
 {
-    /* From the last band upwards, so that each finds the old result of the band above it. */
+    /* From the last band upwards, so that each finds the old results of the band above it, and of the one below it the
+     * values to the right.
+     */
     __attribute__((opencl_unroll_hint(BANDS))) for (int band = BANDS - 1; band >= 0; --band) {
-        const number e = shading[band][k], next = right[band][k], last = state->result[band];
-        const number here = state->here[band];
-        number up = last.s00123456, down = next.s12345677;
-        up.s0 = band == 0 ? above : state->result[band - 1].s7;
-        down.s7 = band == BANDS - 1 ? below : right[band + 1][k].s0;
+        const number e = shading[band][k], here = state->old[0][band];
+        number left[REACH], right[REACH], up[REACH], down[REACH];
+        __attribute__((opencl_unroll_hint(REACH))) for (int next = 0; next < REACH; ++next) {
+            left[next] = state->result[next][band];
+            right[next] = next < REACH - 1 ? state->old[next + 1][band] : coming[band][k];
+        }
+        up[0] = left[0].s00123456;
+        up[0].s0 = band == 0 ? above[NEAR].step[k] : state->result[0][band - 1].s7;
+        down[0] = right[0].s12345677;
+        down[0].s7 = band == BANDS - 1 ? below[NEAR].step[k] : state->old[0][band + 1].s0;
+#if REACH == 2
+        up[1] = left[1].s00012345;
+        up[1].s0 = band == 0 ? above[NEXT].step[k] : state->result[1][band - 1].s6;
+        up[1].s1 = band == 0 ? above[NEAR_TOO].step[k] : state->result[1][band - 1].s7;
+        down[1] = right[1].s23456777;
+        down[1].s6 = band == BANDS - 1 ? below[NEAR_TOO].step[k] : state->old[1][band + 1].s0;
+        down[1].s7 = band == BANDS - 1 ? below[NEXT].step[k] : state->old[1][band + 1].s1;
+#endif
         __global const real *at = table + band * 8;
         const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
-        number value = inner_value(e, here, last, next, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
+        number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
 #if RIM_CELLS
         if (with_rim && any_sign(as_integer(e))) {
             const integer missing = gather_flags(flags + band * 8 * way->skew, way->skew);
-            const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? next : last,
-                                         way->leftwards ? last : next, way->upwards ? down : up,
-                                         way->upwards ? up : down, x, state->y[band], parameters);
+            const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? right[0] : left[0],
+                                         way->leftwards ? left[0] : right[0], way->upwards ? down[0] : up[0],
+                                         way->upwards ? up[0] : down[0], x, state->y[band], parameters);
             value = as_integer(e) < 0 ? rim : value;
         }
 #endif
-        const number result = value < here ? value : here;
-        state->result[band] = result;
-        state->here[band] = next;
+        const number result = value < bound_of(here) ? value : here;
+        __attribute__((opencl_unroll_hint(REACH))) for (int next = REACH - 1; next >= 0; --next) {
+            state->result[next][band] = next > 0 ? left[next - 1] : result;
+            state->old[next][band] = right[next];
+        }
         shading[band][k] = result;
     }
 }
@@ -180,8 +213,10 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     for (int band = 0; band < BANDS; ++band) {
         const long first = cell + band * 8 * skew;
         state.y[band] = gather_axis(row_table, rows, row + (upwards ? -8 * band : 8 * band), upwards ? -1 : 1);
-        state.here[band] = gather(log_depth + first, skew);
-        state.result[band] = gather(log_depth + first - column_step, skew);
+        for (int k = 0; k < REACH; ++k) {
+            state.old[k][band] = gather(log_depth + first + k * column_step, skew);
+            state.result[k][band] = gather(log_depth + first - (k + 1) * column_step, skew);
+        }
     }
 
     int ahead = strip > 0 && !alone ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
@@ -194,52 +229,56 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
                 return 0;
             }
         }
-        number right[BANDS][8], shading[BANDS][8];
+        number coming[BANDS][8], shading[BANDS][8];
         integer signs = 0;
         __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
             __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r) {
                 const long at = cell + (band * 8 + r) * skew + low;
-                right[band][r] = LOAD(log_depth + at + column_step);
+                coming[band][r] = LOAD(log_depth + at + REACH * column_step);
                 shading[band][r] = LOAD(brightness + at);
                 signs |= as_integer(shading[band][r]);
                 PREFETCH(log_depth + at + AHEAD * column_step);
                 PREFETCH(brightness + at + AHEAD * column_step);
             }
-            transpose(right[band]);
+            transpose(coming[band]);
             transpose(shading[band]);
         }
-        union {
-            number all;
-            real step[8];
-        } above, below;
-        if (!alone) {
+        border above[BORDERS], below[BORDERS];
+        __global const real *first = log_depth + cell, *last = log_depth + cell + (STRIP_ROWS - 1) * skew;
+        if (!alone)
             /* Rows that another group may have in its cache. */
-            PREFETCH(log_depth + cell - row_step + AHEAD * column_step);
-            PREFETCH(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + AHEAD * column_step);
-        }
-        above.all = LOAD(log_depth + cell - row_step + low);
-        below.all = LOAD(log_depth + cell + (STRIP_ROWS - 1) * skew + row_step + low);
+            for (int k = 1; k <= REACH; ++k) {
+                PREFETCH(first - k * row_step + AHEAD * column_step);
+                PREFETCH(last + k * row_step + AHEAD * column_step);
+            }
+        above[NEAR].all = LOAD(first - row_step + low);
+        below[NEAR].all = LOAD(last + row_step + low);
+#if REACH == 2
+        above[NEXT].all = LOAD(first - 2 * row_step + low);
+        below[NEXT].all = LOAD(last + 2 * row_step + low);
+        above[NEAR_TOO].all = LOAD(first + skew - 2 * row_step + low);
+        below[NEAR_TOO].all = LOAD(last - skew + 2 * row_step + low);
+#endif
         if (RIM_CELLS && any_sign(signs)) {
             /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
-            number right_copy[BANDS][8], shading_copy[BANDS][8];
+            number coming_copy[BANDS][8], shading_copy[BANDS][8];
             __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
                 __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k) {
-                    right_copy[band][k] = right[band][k];
+                    coming_copy[band][k] = coming[band][k];
                     shading_copy[band][k] = shading[band][k];
                 }
             __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < 8; ++step) {
                 const int k = leftwards ? 7 - step : step;
-                run_step(&state, right_copy, shading_copy, k, above.step[k], below.step[k], table - step,
+                run_step(&state, coming_copy, shading_copy, k, above, below, table - step,
                          flags + cell + step * column_step, &way, parameters, 1);
             }
             __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
                 __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k)
                     shading[band][k] = shading_copy[band][k];
         } else {
-            __attribute__((opencl_unroll_hint(8))) for (int step = 0; step < 8; ++step) {
+            __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < 8; ++step) {
                 const int k = leftwards ? 7 - step : step;
-                run_step(&state, right, shading, k, above.step[k], below.step[k], table - step, flags, &way,
-                         parameters, 0);
+                run_step(&state, coming, shading, k, above, below, table - step, flags, &way, parameters, 0);
             }
         }
         __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {

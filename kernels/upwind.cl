@@ -16,23 +16,19 @@
 
 /* `to_p` and `to_q` as in lax_friedrichs.cl: their signs say where left and up lie, and whether Z or -Z is solved for. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
-                                 const number up, const number down, const real to_p, const real to_q, const axis x, const axis y,
-                                 const real *parameters)
+                                 const number up, const number down, const sided to_p, const sided to_q, const axis x,
+                                 const axis y, const real *parameters)
 {
-    const real turn_x = to_p < 0 ? -1 : 1, turn_y = to_q < 0 ? -1 : 1;
-    const number here_x = turn_x * x.coordinate, here_y = turn_y * y.coordinate;
-    const real light_x = slope_of_light(turn_x, 0, parameters), light_y = slope_of_light(turn_y, 1, parameters);
-    /* Written so that a NaN of a cell that is not swept stays one. */
-    const number dark = most((number)0, ((number)1 - brightness) * ((number)1 + brightness));
-
-    const number climb_x = steepest_climb(dark, here_x, here_y, light_x, light_y, parameters);
-    const number climb_y = steepest_climb(dark, here_y, here_x, light_y, light_x, parameters);
-    const real scale_x = 2 * (turn_x * to_p), scale_y = 2 * (turn_y * to_q), dx = 1 / scale_x, dy = 1 / scale_y;
+    const number dark = darkness(brightness);
+    const sided ahead = 1, turn_x = to_p < 0 ? -ahead : ahead, turn_y = to_q < 0 ? -ahead : ahead;
+    const sided scale_x = 2 * to_p, scale_y = 2 * to_q, dx = turn_x / scale_x, dy = turn_y / scale_y;
+    const number climb_x = steepest_climb(dark, x.coordinate, y.coordinate, 0, turn_x, parameters);
+    const number climb_y = steepest_climb(dark, x.coordinate, y.coordinate, 1, turn_y, parameters);
     const real steepest = parameters[STEEPEST];
     const number edge = least(left + dx * least((number)steepest, climb_x), up + dy * least((number)steepest, climb_y));
 
     /* The quadratic in Z - Z_l: bend z^2 + 2 tilt z + rest = 0. */
-    const conic lit = lit_gradients(dark, here_x, here_y, light_x, light_y, parameters);
+    const conic lit = lit_gradients(dark, x.coordinate, y.coordinate, parameters);
     const number xx = lit.xx * (scale_x * scale_x), xy = lit.xy * (scale_x * scale_y), yy = lit.yy * (scale_y * scale_y);
     const number along_x = lit.x * scale_x, along_y = lit.y * scale_y;
     const number step = up - left;
@@ -51,7 +47,7 @@ static inline number inner_value(const number brightness, const number here, con
     const number p = scale_x * climb, q = scale_y * climb_up;
     const number normal_x = multiply_add(xx, climb, multiply_add(xy, climb_up, along_x));
     const number normal_y = multiply_add(xy, climb, multiply_add(yy, climb_up, along_y));
-    const number side = lit_side(p, q, here_x, here_y, light_x, light_y);
+    const number side = lit_side(p, q, x.coordinate, y.coordinate, parameters);
     const number both_there = (number)(0.5f * NOWHERE) - magnitude(step);
     const number worst = least(least(least(normal_x, normal_y), least(side, spread)), both_there);
     const number triangle = left + climb;

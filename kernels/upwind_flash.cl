@@ -13,9 +13,6 @@
  */
 #define RIM_CELLS 0
 #define DIRECTED 1 /* a cell looks only at the two neighbours before it in the sweep */
-#ifndef ONLY_LOWER
-#define ONLY_LOWER 1 /* values only fall, except by the correction to second order */
-#endif
 #define SETTLED (USE_DOUBLE ? 1e-7f : 1e-4f) /* a step so small, as a share, leaves nothing that the digits can tell */
 #define MEETING_STEPS (ONLY_LOWER ? 2 : 5) /* of Newton, for the value of a cell */
 
@@ -100,29 +97,29 @@ static inline void meet(const number *base, const number *offset, const number *
 
 /* `to_p` and `to_q` as in upwind.cl. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
-                                 const number up, const number down, const real to_p, const real to_q, const axis x,
+                                 const number up, const number down, const sided to_p, const sided to_q, const axis x,
                                  const axis y, const real *parameters)
 {
     const real *material = parameters + MATERIAL_FIRST;
-    const real turn_x = to_p < 0 ? -1 : 1, turn_y = to_q < 0 ? -1 : 1;
-    const number here_x = turn_x * x.coordinate, here_y = turn_y * y.coordinate;
-    const number square_x = multiply_add(here_x, here_x, (number)1), square_y = multiply_add(here_y, here_y, (number)1);
-    const number ray = multiply_add(here_x, here_x, square_y), inverse_ray = (number)1 / ray;
-    const real scale_x = 2 * (turn_x * to_p), scale_y = 2 * (turn_y * to_q), dx = 1 / scale_x, dy = 1 / scale_y;
+    const number at_x = x.coordinate, at_y = y.coordinate;
+    const number square_x = multiply_add(at_x, at_x, (number)1), square_y = multiply_add(at_y, at_y, (number)1);
+    const number ray = multiply_add(at_x, at_x, square_y), inverse_ray = (number)1 / ray;
+    const sided scale_x = 2 * to_p, scale_y = 2 * to_q, dx = 1 / scale_x, dy = 1 / scale_y;
     /* Neighbours seen from the centre of the ellipse. */
-    const number from_left = multiply_subtract_from(left, dx * here_x, inverse_ray);
-    const number from_up = multiply_subtract_from(up, dy * here_y, inverse_ray);
+    const number from_left = multiply_subtract_from(left, dx * at_x, inverse_ray);
+    const number from_up = multiply_subtract_from(up, dy * at_y, inverse_ray);
     const number shade = logarithm(brightness);
     const number steepest = (number)(2 * parameters[STEEPEST]) * ray;
     const number square = square_of(most((number)0, -multiply_add((number)2, here, shade)), steepest * steepest, material);
     const number t = root(square);
 
-    const number climb_x = dx * root(square_y) * inverse_ray, climb_y = dy * root(square_x) * inverse_ray;
+    const number climb_x = magnitude(dx) * root(square_y) * inverse_ray;
+    const number climb_y = magnitude(dy) * root(square_x) * inverse_ray;
     const number edge_x = multiply_add(climb_x, t, from_left), edge_y = multiply_add(climb_y, t, from_up);
     const number start = edge_x < edge_y ? from_left : from_up, climb = edge_x < edge_y ? climb_x : climb_y;
 
     const number xx = square_x * (scale_x * scale_x), yy = square_y * (scale_y * scale_y);
-    const number xy = here_x * here_y * (scale_x * scale_y);
+    const number xy = at_x * at_y * (scale_x * scale_y);
     const number step = from_up - from_left, column_x = xx + xy, column_y = xy + yy;
     const number inverse_bend = (number)1 / (column_x + column_y);
     const number base = multiply_add(step, column_y * inverse_bend, from_left);

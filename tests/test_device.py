@@ -147,6 +147,11 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
     ):
         tuning = Tuning(variant, lanes=lanes)
         program(device, ["parallel_light", "lax_friedrichs", *tuning.kernels], precision, tuning.definitions)
+    flash = ["elementary", "lambertian", "flash_light", "upwind_flash"]
+    for scheme in (["parallel_light", "upwind"], ["elementary", "lambertian", "headlight", "upwind"], flash):
+        for variant, lanes in (("wavefront_strips", 8), ("wavefront_tiles", 1)):
+            tuning = Tuning(variant, lanes=lanes, second_order=True)
+            program(device, [*scheme, *tuning.kernels], precision, tuning.definitions)
     program(device, ["parallel_light", "render"], precision)
 
 

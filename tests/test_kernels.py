@@ -10,7 +10,7 @@ import pyopencl as cl
 import pytest
 from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, sweeper
 
-from persfs_cl import Device, DeviceError, ParallelLight
+from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
 from persfs_cl._cl import launches
 from persfs_cl._cl.launches import DIRECTIONS, Sweeper
 from persfs_cl._cl.tuning import Tuning
@@ -20,6 +20,13 @@ from persfs_cl.reference import ParallelEquation, Reference
 SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
 TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
 SETUPS = LAX_FRIEDRICHS | UPWIND
+HEADLIGHT = {
+    "upwind headlight": {
+        "light": FlashLight(gain=2.0, falloff=False),
+        "reflectance": OrenNayar(0.3),
+        "scheme": "upwind",
+    }
+}
 # Those with kernels of their own: the sign of the surface and the direction of a parallel light are numbers.
 KERNELS = ["upwind oblique toward", *list(UPWIND)[4:], "flash on a shiny surface"]
 
@@ -175,12 +182,15 @@ BANDS = [
 ]
 TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard"), Tuning("lexicographic")
 
-
-@pytest.mark.parametrize(
+every_tuning = pytest.mark.parametrize(
     "tuning",
     [TILES, *STRIPS.values(), *IMAGES.values()],
     ids=lambda t: f"{t.variant}-{t.bands}x8-{t.work_groups}groups",
 )
+both_corrections = pytest.mark.parametrize("only_lower", [False, True], ids=["rising", "only lower"])
+
+
+@every_tuning
 def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
     """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
     for name in ("frontal away", "frontal toward"):
@@ -196,18 +206,48 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
     assert_tuning_gives_the_bits(device, "float32", tuning, name, largest=60)
 
 
+@both_corrections
+@every_tuning
+def test_every_tuning_gives_the_bits_of_lexicographic_at_second_order(
+    device: Device, precision: str, tuning: Tuning, only_lower: bool
+) -> None:
+    tuning = replace(tuning, second_order=True, only_lower=only_lower)
+    assert_tuning_gives_the_bits(device, precision, tuning, "upwind oblique toward", largest=140)
+
+
+@both_corrections
+@pytest.mark.parametrize("name", [*UPWIND, *HEADLIGHT])
+def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
+    device: Device, precision: str, name: str, only_lower: bool
+) -> None:
+    for tuning in (TILES, STRIPS[1, 2]):
+        corrected = replace(tuning, second_order=True, only_lower=only_lower)
+        assert_tuning_gives_the_bits(device, precision, corrected, name, largest=60)
+
+
 def assert_tuning_gives_the_bits(device: Device, precision: str, tuning: Tuning, name: str, *, largest: int) -> None:
+    plain = replace(LEXICOGRAPHIC, second_order=tuning.second_order, only_lower=tuning.only_lower)
     random = np.random.default_rng(len(tuning.variant) + tuning.bands + 10 * tuning.work_groups)
     for seed in range(2):
         height, width = random.integers(1, largest, 2)
         shape = (int(height), int(width) + 1)
-        problem = random_problem(seed, shape, boundary="wall", holes=0.05 * seed, **SETUPS[name])
-        one = sweeper(problem, device, precision, "lexicographic")
+        problem = random_problem(seed, shape, boundary="wall", holes=0.05 * seed, **(SETUPS | HEADLIGHT)[name])
+        if tuning.second_order:
+            problem = with_first_order(problem, device)
+        one = sweeper(problem, device, precision, "lexicographic", tuning=plain)
         expected_changes = one.run(3)
+        assert expected_changes.any() or not problem.domain.solved.any(), "something must have moved"
         for _ in range(3):
             other = sweeper(problem, device, precision, "wavefront", tuning=tuning)
             np.testing.assert_array_equal(other.run(3), expected_changes)
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
+
+
+def with_first_order(problem: Problem, device: Device) -> Problem:
+    """The problem, to be gone on with from values of first order."""
+    kernel = sweeper(problem, device, "float32", "wavefront")
+    kernel.run(6)
+    return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
 @pytest.mark.parametrize("tuning", [Tuning("checkerboard", 8), *BANDS], ids=str)
@@ -339,13 +379,18 @@ def test_runs_that_share_kernels_do_not_touch_each_other(device: Device, orderin
         np.testing.assert_array_equal(one.log_depth(), other.log_depth())
 
 
+@pytest.mark.parametrize("second_order", [False, True], ids=["first order", "second order"])
 @pytest.mark.parametrize("work_groups", [1, 2, 3, 4])
-def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int) -> None:
+def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int, second_order: bool) -> None:
     """A group that gives up at its first vain look at the strip before, as if that had lost its processor."""
-    problems = [random_problem(seed, (150, 90 + seed), boundary="wall") for seed in range(3)]
-    impatient = Tuning("wavefront_strips", 8, 1, work_groups, polls=1)
+    setup = SETUPS["upwind oblique toward" if second_order else "frontal away"]
+    problems = [random_problem(seed, (150, 90 + seed), boundary="wall", **setup) for seed in range(3)]
+    if second_order:
+        problems = [with_first_order(problem, device) for problem in problems]
+    impatient = Tuning("wavefront_strips", 8, 1, work_groups, polls=1, second_order=second_order)
+    plain = replace(LEXICOGRAPHIC, second_order=second_order)
     for problem in problems:
-        one = sweeper(problem, device, "float32", "lexicographic")
+        one = sweeper(problem, device, "float32", "lexicographic", tuning=plain)
         expected_changes = one.run(4)
         for _ in range(3):
             other = sweeper(problem, device, "float32", "wavefront", tuning=impatient)

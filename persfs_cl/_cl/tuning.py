@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.layout import Layout
@@ -69,10 +69,16 @@ class Tuning:
         Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at. Elsewhere the
         wavefront goes tile by tile, and the checkerboard a colour at a time, with many items.
         """
-        if second_order:
-            # These visit cells one by one: the wider stencil and its case distinctions are not for vectors.
-            variants = {"checkerboard": "three_colours", "wavefront": "wavefront_tiles"}
-            return cls(variants.get(ordering, ordering), second_order=True, only_lower=only_lower)
+        tuning = cls._of_first_order(device, ordering, shape, images)
+        if not second_order:
+            return tuning
+        if ordering == "checkerboard":
+            # Two colours do not suffice where a cell reads two neighbours on every side.
+            tuning = cls("three_colours")
+        return replace(tuning, second_order=True, only_lower=only_lower)
+
+    @classmethod
+    def _of_first_order(cls, device: Device, ordering: str, shape: tuple[int, int], images: int) -> Tuning:
         if ordering == "lexicographic":
             return cls("lexicographic")
         if device.kind != "cpu":
@@ -93,7 +99,7 @@ class Tuning:
         """Constants of the program."""
         sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
         if self.second_order:
-            sizes["ONLY_LOWER"] = int(self.only_lower)
+            sizes |= {"REACH": 2, "ONLY_LOWER": int(self.only_lower)}
         if self.in_strips:
             sizes |= {"BANDS": self.bands, "POLLS": self.polls}
         elif self.variant == "checkerboard_bands":
@@ -103,14 +109,14 @@ class Tuning:
     @property
     def kernels(self) -> tuple[str, ...]:
         """Kernel files after those of model and scheme."""
+        order = "second_order" if self.second_order else "first_order"
         before = {
-            "wavefront_images": ("strip", "boundary", "change"),
-            "wavefront_strips": ("strip",),
+            "wavefront_images": (order, "strip", "boundary", "change"),
+            "wavefront_strips": (order, "strip"),
             "checkerboard": ("colour",),
             "checkerboard_bands": ("colour", "change"),
         }
-        cell = "second_order" if self.second_order else "cell"
-        return (*before.get(self.variant, (cell,)), self.variant)
+        return (*before.get(self.variant, (order, "cell")), self.variant)
 
     @property
     def in_strips(self) -> bool:
@@ -121,12 +127,12 @@ class Tuning:
         """How an image must lie for this variant."""
         if self.variant.startswith("checkerboard"):
             return Layout.columns_apart(shape, self.lanes)
+        margin = 2 if self.second_order else 1
         if not self.in_strips:
-            margin = 2 if self.second_order else 1
             return Layout.padded(shape, margin, margin)
         # The last strip may reach past the image; lanes lean out by a strip's height and a block.
         strip = 8 * self.bands
-        return Layout.padded(shape, -shape[0] % strip + 1, strip + 8)
+        return Layout.padded(shape, -shape[0] % strip + margin, strip + 8)
 
 
 def _processors() -> int:
