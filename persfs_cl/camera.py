@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.files import FilePath, read_bytes
+from persfs_cl.images import open_png_or_jpeg
 
 # The frame of 35 mm film is 36 mm × 24 mm.
 _FILM_DIAGONAL = math.hypot(36.0, 24.0)
@@ -193,34 +194,7 @@ class Camera:
         InputError
             When the file cannot be read.
         """
-        size, tags = _read_exif(path)
-        width, height = _positive(tags, "ExifImageWidth"), _positive(tags, "ExifImageHeight")
-        resized = 1.0
-        if width and height:
-            # Long and short side, because a photo may have been turned upright since.
-            resized, resized_short = max(size) / max(width, height), min(size) / min(width, height)
-            rounding = 1 / min(size)
-            if abs(resized / resized_short - 1) > 0.01 + rounding:
-                raise CameraError(
-                    f"{path} has {size[0]}×{size[1]} pixels but was taken with {width:g}×{height:g}: it was "
-                    f"cropped since, and its EXIF data no longer hold. {_TELL}"
-                )
-        film = _positive(tags, "FocalLengthIn35mmFilm")
-        if film:
-            return cls(film * math.hypot(*size) / _FILM_DIAGONAL)
-        length = _positive(tags, "FocalLength")
-        resolution = _positive(tags, "FocalPlaneXResolution")
-        unit = _RESOLUTION_UNITS.get(tags.get("FocalPlaneResolutionUnit", 2))
-        if length and resolution and unit:
-            return cls(length * resolution / unit * resized)
-        missing = "FocalLengthIn35mmFilm"
-        if not length:
-            missing += " and FocalLength"
-        elif not resolution:
-            missing += " and FocalPlaneXResolution (the size of the sensor)"
-        else:
-            missing += " and a usable FocalPlaneResolutionUnit"
-        raise CameraError(f"The EXIF data of {path} lack {missing}: the focal length in pixels is unknown. {_TELL}")
+        return cls(exif_focal_length(path)[0])
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Camera:
@@ -257,6 +231,48 @@ class Camera:
         return cls((k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
 
 
+def exif_focal_length(path: FilePath) -> tuple[float, str]:
+    """The focal length that a photo's EXIF data describe, and by which of their tags.
+
+    Parameters, errors and meaning are those of :meth:`Camera.from_exif`.
+
+    Returns
+    -------
+    focal_length : float
+        In pixels.
+    tags : str
+        Their names.
+    """
+    size, tags = _read_exif(path)
+    width, height = _positive(tags, "ExifImageWidth"), _positive(tags, "ExifImageHeight")
+    resized = 1.0
+    if width and height:
+        # Long and short side, because a photo may have been turned upright since.
+        resized, resized_short = max(size) / max(width, height), min(size) / min(width, height)
+        rounding = 1 / min(size)
+        if abs(resized / resized_short - 1) > 0.01 + rounding:
+            raise CameraError(
+                f"{path} has {size[0]}×{size[1]} pixels but was taken with {width:g}×{height:g}: it was "
+                f"cropped since, and its EXIF data no longer hold. {_TELL}"
+            )
+    film = _positive(tags, "FocalLengthIn35mmFilm")
+    if film:
+        return film * math.hypot(*size) / _FILM_DIAGONAL, "FocalLengthIn35mmFilm"
+    length = _positive(tags, "FocalLength")
+    resolution = _positive(tags, "FocalPlaneXResolution")
+    unit = _RESOLUTION_UNITS.get(tags.get("FocalPlaneResolutionUnit", 2))
+    if length and resolution and unit:
+        return length * resolution / unit * resized, "FocalLength and FocalPlaneXResolution"
+    missing = "FocalLengthIn35mmFilm"
+    if not length:
+        missing += " and FocalLength"
+    elif not resolution:
+        missing += " and FocalPlaneXResolution (the size of the sensor)"
+    else:
+        missing += " and a usable FocalPlaneResolutionUnit"
+    raise CameraError(f"The EXIF data of {path} lack {missing}: the focal length in pixels is unknown. {_TELL}")
+
+
 def _finite_numbers(value: object) -> tuple[float, ...] | None:
     """The numbers in a scalar or a flat sequence, or None when it is neither, or one is not finite."""
     try:
@@ -289,9 +305,11 @@ def _read_exif(path: FilePath) -> tuple[tuple[int, int], Mapping[str, Any]]:
             exif.load_from_fp(io.BytesIO(data))
             size = exif[ExifTags.Base.ImageWidth], exif[ExifTags.Base.ImageLength]
         else:
-            with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as photo:
+            with open_png_or_jpeg(path, data) as photo:
                 exif, size = photo.getexif(), photo.size
         tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
+    except InputError:
+        raise
     except Exception as error:  # whatever a decoder raises at broken data
         raise InputError(
             f"{path} cannot be read as a PNG, JPEG or TIFF photo ({error}): convert or copy it again."

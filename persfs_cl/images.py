@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
 from persfs_cl.grey import decode_srgb, encode_srgb
+
+if TYPE_CHECKING:
+    import PIL.Image
 
 Array = NDArray[np.float64]
 Channel = Literal["luminance", "red", "green", "blue", "mean", "max"]
@@ -431,11 +435,27 @@ def _read_raster(path: Path) -> _Raster:
         return _Raster(_upright(samples, orientation), bits)
 
 
+def open_png_or_jpeg(path: FilePath, data: bytes) -> PIL.Image.Image:
+    """The file as Pillow opens it, its pixels not yet decoded; InputError when they are too many.
+
+    Pillow's own errors are let through.
+    """
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        # Pillow warns from half its limit on, but photographs of 100 million pixels are not rare.
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        try:
+            return Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
+        except Image.DecompressionBombError as error:
+            raise _too_large(path, "more than 178 million pixels are not read") from error
+
+
 def _decode_png_or_jpeg(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import UnidentifiedImageError
 
     try:
-        photo = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
+        photo = open_png_or_jpeg(path, data)
     except UnidentifiedImageError as error:
         raise InputError(f"{path} is not a PNG, JPEG or TIFF image: convert it to one of these.") from error
     with photo:
@@ -518,8 +538,14 @@ def _decoding(path: Path) -> Iterator[None]:
         yield
     except InputError:
         raise
+    except MemoryError as error:
+        raise _too_large(path, "the memory does not suffice") from error
     except Exception as error:  # whatever a decoder raises at broken data
         raise InputError(f"{path} is broken or not supported ({error}): save or copy it again.") from error
+
+
+def _too_large(path: FilePath, why: str) -> InputError:
+    return InputError(f"{path} is too large: {why}. Reduce it to some million pixels first.")
 
 
 def _require_brightness(path: Path, raster: _Raster, *, keep_nan: bool = False) -> None:

@@ -116,7 +116,7 @@ def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
         raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
     if values.dtype.kind not in "iuf":
         raise InputError(f"{name} holds {values.dtype}, not numbers: give an array of floats.")
-    return values.astype(np.float64)
+    return values.astype(np.float64, copy=False)
 
 
 def _to_unit_range(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:

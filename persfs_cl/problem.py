@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,6 +27,20 @@ _LARGEST = 700.0
 
 _BLACK = 1e-6
 """Share of the brightest value that even a black pixel is taken to have under a flash: less than any camera tells."""
+
+
+_DARK, _DARK_SHARE = 0.005, 0.05
+"""When so many pixels are so dark beside the brightest, 14 times as far away if they face the lamp, they are probably
+no part of what was photographed."""
+
+_READERS = {
+    "image": "read_image(path)",
+    "mask": "persfs_cl.images.read_mask(path, shape)",
+    "walls": "persfs_cl.images.read_mask(path, shape)",
+    "known_depth": "persfs_cl.images.read_depth(path, shape)",
+    "albedo": "persfs_cl.images.read_light(path, shape)",
+}
+_ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
 
 
 @dataclass(frozen=True)
@@ -203,6 +219,11 @@ def prepare(
     ------
     InputError, CameraError
         When something cannot be used.
+
+    Warns
+    -----
+    UserWarning
+        When under a flash many pixels are as dark as what lies behind an object.
     """
     if not isinstance(camera, Camera):
         raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
@@ -236,6 +257,8 @@ def prepare(
     given = photograph if reflecting is None else photograph / reflecting
     name = "image" if reflecting is None else "image / albedo"
     _require_shading(given, layout.solved, model, model.brightest(grid), name)
+    if model.falls_off:
+        _warn_of_background(given, layout.solved)
 
     sign = 1.0 if surface == "away" else -1.0
     log_ray = _log_of_ray(grid, model, scheme)
@@ -320,7 +343,12 @@ def _largest(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> floa
 
 
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
-    """The array that a user gave; InputError for lists of unequal length and the like."""
+    """The array that a user gave; InputError for paths, photos, lists of unequal length and the like."""
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError(f"{name}={str(given)!r} is no array: give {_READERS[name]} if it is a path.")
+    for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
+        if hasattr(given, attribute):
+            raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
     try:
         return np.asarray(given)
     except (TypeError, ValueError) as error:
@@ -387,6 +415,18 @@ def _require_shading(
     if darkest == brightest and np.count_nonzero(solved) > 1 and np.isfinite(most):
         raise InputError(
             f"{name} is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from."
+        )
+
+
+def _warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
+    dim = _DARK * _largest(brightness, solved)
+    dark = sum(np.count_nonzero(brightness[rows][solved[rows]] < dim) for rows in row_blocks(solved.shape))
+    share = dark / np.count_nonzero(solved)
+    if share > _DARK_SHARE:
+        warnings.warn(
+            f"{100 * share:.0f} % of the pixels to solve are darker than {100 * _DARK:g} % of the brightest, and "
+            "become a surface far away: if they are background or shadow, mask them out.",
+            stacklevel=6,
         )
 
 

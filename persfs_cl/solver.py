@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -327,6 +328,12 @@ def reconstruct_batch(
 
 
 def _entries(name: str, given: Any) -> list[Any]:
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError(f"{name}={str(given)!r} is no list: give a list of arrays, one entry an image.")
+    if isinstance(given, np.ndarray) and given.ndim == 2:
+        raise InputError(
+            f"{name} is one array of shape {given.shape}: give a list, one entry an image, even if all are the same."
+        )
     try:
         return list(given)
     except TypeError as error:

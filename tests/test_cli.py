@@ -28,7 +28,7 @@ from typer.testing import CliRunner
 import persfs_cl as ps
 from persfs_cl import grey, solver
 from persfs_cl._cl import device as device_room
-from persfs_cl.cli import app
+from persfs_cl.cli.app import app
 from persfs_cl.cli.output import in_options
 from persfs_cl.cli.progress import remaining_iterations, stop_on_interrupt, writing
 from persfs_cl.cli.reconstruct import reconstruct
@@ -96,6 +96,14 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
 
 
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Python's own answer to Ctrl-C, which a test run in the background of a shell lacks."""
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, previous)
+
+
 def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
     folder = tmp_path / "made" / "here.png"  # a suffix does not make a file of it
     outcome = run("reconstruct", photo, "-o", folder, *FOCAL)
@@ -117,6 +125,11 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
     rim = 2 * (HEIGHT + WIDTH) - 4
     assert report["known"] == {"pixels": rim, "assumed": "z = 1 on the edge of the image or mask"}
     assert report["requested"] == {"focal_length": WIDTH, "fov": None, "principal_point": None, "device": None}
+    assert report["camera"] == {
+        "source": "--focal-length",
+        "horizontal_view": pytest.approx(np.degrees(2 * np.arctan(0.5))),
+    }
+    assert f"Focal length {WIDTH} pixels, by --focal-length: 53.1 degrees from left to right." in outcome.stderr
     assert report["iterations"] == len(report["changes"]) == expected.iterations
     assert report["photo"] == {
         "path": str(photo),
@@ -330,15 +343,44 @@ def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif.get_ifd(0x8769)[41989] = 50  # FocalLengthIn35mmFilm
     picture.save(jpeg, exif=exif)
-    assert run("reconstruct", jpeg, "-o", out, "--principal-point=14,12").status == 0
+    outcome = run("reconstruct", jpeg, "-o", out, "--principal-point=14,12")
+    assert outcome.status == 0
+    assert "pixels, by EXIF FocalLengthIn35mmFilm: " in outcome.stderr
+    left, right = 14.5 / ps.Camera.from_exif(jpeg).fx, (WIDTH - 14.5) / ps.Camera.from_exif(jpeg).fx
+    view = pytest.approx(np.degrees(np.arctan(left) + np.arctan(right)))
+    assert strict(out / "report.json")["camera"] == {"source": "EXIF FocalLengthIn35mmFilm", "horizontal_view": view}
     parameters = strict(out / "report.json")["parameters"]
     assert parameters["focal_length"] == [ps.Camera.from_exif(jpeg).fx] * 2
     assert parameters["principal_point"] == [14, 12]
 
     assert run("reconstruct", jpeg, "-o", out, "--overwrite", "--fov", "60").status == 0
     assert strict(out / "report.json")["requested"]["fov"] == 60
+    assert strict(out / "report.json")["camera"] == {"source": "--fov", "horizontal_view": pytest.approx(60.0)}
     expected = ps.Camera.from_fov(60.0, (HEIGHT, WIDTH)).fx
     assert strict(out / "report.json")["parameters"]["focal_length"] == [expected] * 2
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.filterwarnings("default")
+def test_warnings_are_lines_in_the_words_of_the_command(photo: Path, tmp_path: Path) -> None:
+    # Told in millimetres, of a lens for a sensor of 36 mm.
+    outcome = run("reconstruct", photo, "-o", tmp_path / "millimetres", "--focal-length=8")
+    assert outcome.status == 0
+    assert outcome.stderr.startswith(
+        "persfs-cl: warning: --focal-length 8 means a view of 124 degrees from left to right of the 30 pixels: it is "
+        "in pixels, not millimetres. CONVERGED"
+    )
+    assert strict(tmp_path / "millimetres" / "report.json")["camera"]["horizontal_view"] > 120
+    assert "warning" not in run("reconstruct", photo, "-o", tmp_path / "fov", "--fov=150").stderr
+    assert "warning" not in run("reconstruct", photo, "-o", tmp_path / "pixels", "--focal-length=9").stderr
+
+    flash = ps.bump((HEIGHT, WIDTH), light=ps.FlashLight())
+    tifffile.imwrite(tmp_path / "flash.tif", flash.image)
+    lamp = ("--light=flash", "--lamp=0.8,0,0")
+    outcome = run("reconstruct", tmp_path / "flash.tif", "-o", tmp_path / "lamp", *FOCAL, *lamp)
+    assert "persfs-cl: warning: --light flash is too far from the camera" in outcome.stderr
+    assert "UserWarning" not in outcome.stderr
+    assert ".py" not in outcome.stderr
 
 
 def png(path: Path, image: NDArray[np.floating]) -> None:
@@ -605,18 +647,75 @@ def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatc
     assert not (tmp_path / "out").exists()
 
 
-@pytest.fixture
-def ctrl_c() -> Iterator[None]:
-    """Python's own answer to Ctrl-C, which a test run in the background of a shell lacks."""
-    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, previous)
+@pytest.mark.usefixtures("ctrl_c")
+def test_interrupt_of_the_preparation_writes_nothing(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def prepare(*_arguments: object, **_keywords: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the preparation goes on")
+
+    monkeypatch.setattr("persfs_cl.cli.photo.prepare_photo", prepare)
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL)
+    assert outcome == (130, "", "persfs-cl: interrupted.")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize("existing", [False, True])
+def test_interrupt_of_the_pictures_keeps_the_rest(
+    existing: bool, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    if existing:
+        out.mkdir()
+        (out / "relief.png").write_text("old")
+    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: signal.raise_signal(signal.SIGINT))
+    outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
+    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+    assert outcome.status == 130
+    assert {Path(line) for line in outcome.stdout.splitlines()} == {out / name for name in kept}
+    assert names(out) == kept | ({"relief.png"} if existing else set())
+    assert "depth, mesh and report are still written, the pictures are not" in outcome.stderr
+    assert ("of an earlier run" in outcome.stderr) == existing
+    assert strict(out / "report.json")["status"] == "CONVERGED"
+    image = grey.normalise_linear(read_photo(photo).image)
+    np.testing.assert_array_equal(np.load(out / "depth.npy"), ps.reconstruct(image, ps.Camera(WIDTH)).depth)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_second_interrupt_of_the_writing_leaves_nothing(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trimesh.Trimesh, "export", lambda *_arguments: signal.raise_signal(signal.SIGINT))
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL)
+    assert (outcome.status, outcome.stdout) == (130, "")
+    assert outcome.stderr.endswith("persfs-cl: interrupted.")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("module", ["typer", "persfs_cl.cli.reconstruct"])
+def test_interrupt_of_the_start_is_quiet(module: str) -> None:
+    script = f"""
+import sys
+class Interrupt:
+    def find_spec(name, *_arguments):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt)
+from persfs_cl.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "persfs-cl: interrupted.\n")
 
 
 @pytest.mark.usefixtures("ctrl_c")
 def test_stop_on_interrupt_asks_first_and_raises_then() -> None:
     with stop_on_interrupt() as asked:
-        assert not asked()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert not asked(), "from here on there is something to keep"
         signal.raise_signal(signal.SIGINT)
         assert asked()
         with pytest.raises(KeyboardInterrupt):
@@ -628,8 +727,9 @@ def test_stop_on_interrupt_asks_first_and_raises_then() -> None:
 def test_stop_on_interrupt_leaves_an_ignored_interrupt_ignored() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with stop_on_interrupt() as asked:
-        signal.raise_signal(signal.SIGINT)
-        assert not asked()
+        for _ in range(2):
+            signal.raise_signal(signal.SIGINT)
+            assert not asked()
 
 
 @pytest.mark.usefixtures("ctrl_c")
@@ -785,6 +885,8 @@ def test_compare_refuses(photo: Path, tmp_path: Path) -> None:
     np.save(nan, np.full((3, 4), np.nan))
     points, bad = tmp_path / "points.csv", tmp_path / "bad.json"
     points.write_text("1,2,3\n")
+    headed = tmp_path / "headed.csv"
+    headed.write_text("crop_column,y,z\n1,2,3\n")
     bad.write_text('[{"x": 1}]')
     cases: list[tuple[Sequence[str | Path], int, Sequence[str]]] = [
         ((one, other), 1, (str(one), str(other), "(3, 4)", "(4, 3)")),
@@ -798,7 +900,8 @@ def test_compare_refuses(photo: Path, tmp_path: Path) -> None:
         ((one, points, "--mask", photo), 1, (str(photo), "(3, 4)")),
         ((nan, points), 1, (str(points), "no depth at any")),
         ((one, bad), 1, (str(bad), "column, row and depth")),
-        ((one, tmp_path / "missing.csv"), 1, ("missing.csv",)),
+        ((one, headed), 1, (f"{headed} has the headings crop_column, y, z, but column, row and depth are wanted",)),
+        ((one, tmp_path / "missing.csv"), 1, ("missing.csv does not exist: check",)),
         ((one, one, "--photo", photo), 2, ("--photo", "points")),
         ((one, one, "--align=best"), 2, ("none", "scale", "range")),
         ((one,), 2, ("B",)),
@@ -831,7 +934,10 @@ def test_compare_with_points(form: str, tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "photo.tif", photo)
     files = ("compare", tmp_path / "depth.npy", tmp_path / form)
     options = ("--align=scale", "--photo", tmp_path / "photo.tif")
-    rows = json.loads(run(*files, *options, "--json").stdout)
+    outcome = run(*files, *options, "--json")
+    left_out = "1 beside the depth map, 1 where there is no depth."
+    assert outcome.stderr == f"2 of 6 points are left out: {left_out}"
+    rows = json.loads(outcome.stdout)
     third = 1 / 3
     expected = {"mean_relative": (third + third) / 4, "rank_correlation": 1.0, "count": 4, "scale": 2.0}
     assert rows["depth"] == pytest.approx(expected)
@@ -844,6 +950,31 @@ def test_compare_with_points(form: str, tmp_path: Path) -> None:
     assert table[1].split() == ["depth", f"{(third + third) / 4:.4f}", "1.0000", "4", "2"]
     unscaled = json.loads(run(*files, "--json").stdout)["depth"]
     assert unscaled == pytest.approx({**expected, "mean_relative": np.mean([0.5, 0.5, third, 2 * third]), "scale": 1.0})
+
+
+def test_compare_counts_points_outside_the_mask(tmp_path: Path) -> None:
+    write_depth(tmp_path / "depth.npy", np.ones((3, 4)))
+    np.save(tmp_path / "mask.npy", np.arange(4) * np.ones((3, 1)) > 1)
+    (tmp_path / "points.csv").write_text("column,row,depth\n1,1,2\n2,1,2\n3,1,2\n")
+    files = ("compare", tmp_path / "depth.npy", tmp_path / "points.csv")
+    assert run(*files).stderr == ""
+    outcome = run(*files, "--mask", tmp_path / "mask.npy")
+    assert outcome.stderr == f"1 of 3 points are left out: 1 outside {tmp_path / 'mask.npy'}."
+
+
+@pytest.mark.usefixtures("quick")
+def test_compare_hints_at_the_unit_of_a_flash(photo: Path, tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("1,1,2\n2,1,2\n")
+    gain = ("--light=flash", "--gain=2")
+    for name, options, hinted in (("flash", gain[:1], True), ("gain", gain, False), ("parallel", (), False)):
+        depth = tmp_path / name / "depth.npy"
+        assert run("reconstruct", photo, "-o", depth.parent, *FOCAL, *options).status == 0
+        for other in (depth, tmp_path / "points.csv"):
+            assert ("--align scale" in run("compare", depth, other).stderr) == hinted
+            assert run("compare", depth, other, "--align=scale").stderr == ""
+    for text in ("", "[1]", '{"parameters": 3}'):
+        (tmp_path / "flash" / "report.json").write_text(text)
+        assert run("compare", tmp_path / "flash" / "depth.npy", tmp_path / "points.csv").stderr == ""
 
 
 def test_rank_correlation_with_ties() -> None:

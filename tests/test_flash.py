@@ -169,6 +169,7 @@ HARD = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:.* of the pixels to solve are darker")
 @pytest.mark.parametrize("name", HARD)
 @each_material
 def test_every_pixel_gets_a_depth_at_which_it_may_be_as_bright(

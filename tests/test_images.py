@@ -17,6 +17,7 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 
+from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.grey import decode_srgb, encode_srgb
 from persfs_cl.images import (
@@ -436,6 +437,27 @@ def test_other_colour_models_and_formats_are_refused(tmp_path: Path, read: Calla
         read(tmp_path / "raw.tif")
     with pytest.raises(InputError, match=r"a\.gif is not a PNG, JPEG or TIFF image"):
         read(tmp_path / "a.gif")
+
+
+def test_photos_beyond_the_limit_of_pixels_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "photo.png"
+    Image.fromarray(np.arange(60, dtype=np.uint8).reshape(6, 10)).save(path)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 40)  # Pillow warns from here on, and refuses above the double
+    assert read_photo(path).image.shape == (6, 10)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 20)
+    for read in (read_photo, Camera.from_exif, lambda path: read_mask(path, (6, 10))):
+        with pytest.raises(InputError, match=r"photo\.png is too large: .* Reduce it"):
+            read(path)
+
+
+def test_an_array_beyond_the_memory_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise MemoryError
+
+    np.save(tmp_path / "depth.npy", np.ones((2, 2)))
+    monkeypatch.setattr(np.lib.format, "read_array", fail)
+    with pytest.raises(InputError, match=r"depth\.npy is too large: the memory"):
+        read_depth(tmp_path / "depth.npy")
 
 
 def test_unknown_options_are_refused(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ class TestAlbedo:
         [
             (np.ones((2, 2)), "of shape"),
             (np.ones((30, 34), int), "is int"),
-            ("paint.png", "of shape"),
+            ("paint.png", "read_light"),
             (np.full((30, 34), 1.5), "at 1020 pixels"),
             (np.full((30, 34), 0.0), "mask out what is black"),
             (np.full((30, 34), np.nan), "is not in"),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl.choices import Boundary
+from persfs_cl.images import write_grey
 from persfs_cl.scenes import Scene
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
@@ -255,6 +258,11 @@ def test_batch_gives_the_numbers_of_one_by_one() -> None:
         np.testing.assert_array_equal(alone.depth, solution.depth)
     with pytest.raises(ps.InputError, match="mask has 1 entries for 2 images"):
         ps.reconstruct_batch([scenes[0].image] * 2, scenes[0].camera, mask=[None])
+    mask: Any = disc(30, 0.5)
+    with pytest.raises(ps.InputError, match=r"mask is one array of shape \(30, 30\): give a list"):
+        ps.reconstruct_batch([scenes[0].image] * 2, scenes[0].camera, mask=mask)
+    with pytest.raises(ps.InputError, match=r"images='photo\.jpg' is no list: give a list of arrays"):
+        ps.reconstruct_batch("photo.jpg", scenes[0].camera)
 
 
 def test_float64_on_a_device_without_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -292,7 +300,11 @@ def depths(value: float) -> np.ndarray[Any, Any]:
         ({"image": IMAGE + 0j}, "complex128"),
         ({"image": np.dstack([IMAGE] * 3)}, "made grey first"),
         ({"image": np.ones((0, 4))}, "at least 2 pixels"),
-        ({"image": "photo.png"}, "shape"),
+        ({"image": "photo.png"}, "image='photo.png' is no array: give read_image"),
+        ({"image": Path("photo.png")}, "image='photo.png' is no array: give read_image"),
+        ({"image": ps.bump((20, 24))}, "image is a Scene, no array: give its .image"),
+        ({"mask": "mask.png"}, r"give persfs_cl\.images\.read_mask\(path, shape\) if"),
+        ({"known_depth": "depth.npy"}, r"give persfs_cl\.images\.read_depth"),
         ({"mask": np.ones((4, 4), bool)}, "image's shape"),
         ({"mask": np.ones(IMAGE.shape)}, "bool"),
         ({"mask": np.zeros(IMAGE.shape, bool)}, "nothing to solve"),
@@ -327,6 +339,35 @@ def test_bad_input_is_refused_with_its_reason(keywords: dict[str, Any], message:
     call = {"image": IMAGE, "camera": ps.Camera(30.0), **keywords}
     with pytest.raises(ps.InputError, match=message):
         ps.reconstruct(call.pop("image"), call.pop("camera"), **call)
+
+
+def test_a_photo_that_is_no_array_says_which_of_its_arrays_to_give(tmp_path: Path) -> None:
+    write_grey(tmp_path / "photo.png", IMAGE)
+    photo, camera = ps.read_photo(tmp_path / "photo.png"), ps.Camera(30.0)
+    prepared = ps.prepare_photo(photo, camera)
+    cases: dict[str, Any] = {"a Photo, no array: give its .image": photo, "a PreparedPhoto, .* its .light": prepared}
+    for message, given in cases.items():
+        with pytest.raises(ps.InputError, match=message):
+            ps.reconstruct(given, camera)
+
+
+def with_background(share: float, brightness: float) -> NDArray[np.float64]:
+    """A photograph by a flash, 1 at its brightest, dark in a share of its rows."""
+    image: NDArray[np.float64] = ps.bump((40, 40), light=ps.FlashLight()).image
+    image /= image.max()
+    image[: round(40 * share)] = brightness
+    return image
+
+
+def test_a_dark_background_under_a_flash_is_named() -> None:
+    camera, light = ps.Camera(40.0), ps.FlashLight()
+    image = with_background(0.25, 0.001)
+    with pytest.warns(UserWarning, match="25 % of the pixels to solve are darker than 0.5 % of the brightest"):
+        ps.reconstruct(image, camera, light=light)
+    ps.reconstruct(image, camera, light=light, mask=image > 0.01)  # which would fail at a warning
+    ps.reconstruct(with_background(0.025, 0.001), camera, light=light)
+    ps.reconstruct(with_background(0.25, 0.01), camera, light=light)
+    ps.reconstruct(image, camera)
 
 
 def test_values_outside_the_mask_may_be_anything() -> None:

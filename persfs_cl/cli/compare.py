@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,6 +12,7 @@ import numpy as np
 import typer
 
 from persfs_cl.errors import InputError
+from persfs_cl.files import read_bytes
 from persfs_cl.images import Channel, Encoding, read_depth, read_mask, read_photo
 from persfs_cl.metrics import Errors
 from persfs_cl.metrics import compare as measure
@@ -69,6 +71,8 @@ def compare(
     if with_points:
         if align == "range" or kind == "image":
             raise typer.BadParameter("points have depths: use --align none or scale, and --kind auto or depth.")
+        if align == "none":
+            _hint_at_scale(first)
         rows = _beside_points(first, second, mask, align == "scale", photo, channel, encoding)
         typer.echo(json.dumps({name: asdict(row) for name, row in rows.items()}) if as_json else _table(rows))
         return
@@ -87,6 +91,8 @@ def compare(
     if values[1].shape != shape:
         raise InputError(f"{first} has shape {shape}, but {second} has {values[1].shape}: give two of the same size.")
     inside = None if mask is None else read_mask(mask, shape)
+    if kind == "depth" and align == "none":
+        _hint_at_scale(first)
     try:
         errors = measure(*values, mask=inside, align=None if align == "none" else align)
     except InputError as error:
@@ -107,9 +113,16 @@ def _beside_points(
     """The errors of a depth map, and of two guesses that take no solver, at the same points."""
     values, points = read_depth(depth), read_points(file)
     shape = (values.shape[0], values.shape[1])
-    if mask is not None:
-        values = np.where(read_mask(mask, shape), values, np.nan)
-    estimate = at_points(values, points)
+    wanted = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
+    estimate = at_points(np.where(wanted, values, np.nan), points)
+    reasons = {
+        "beside the depth map": np.isnan(at_points(np.zeros(shape), points)),
+        f"outside {mask}": at_points(wanted, points) == 0,
+        "where there is no depth": at_points(wanted & np.isnan(values), points) == 1,
+    }
+    if left_out := {reason: int(np.count_nonzero(which)) for reason, which in reasons.items() if which.any()}:
+        counts = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
+        typer.echo(f"{sum(left_out.values())} of {len(points)} points are left out: {counts}.", err=True)
     # A guess must not be judged where there is no depth to compare it with.
     truth = np.where(np.isnan(estimate), np.nan, points[:, 2])
     brightness = None
@@ -129,6 +142,19 @@ def _beside_points(
     except InputError as error:
         raise InputError(f"{depth}, {file}: {error}") from error
     return rows
+
+
+def _hint_at_scale(depth: Path) -> None:
+    """Say so where the report beside a depth map tells that nothing has set its unit."""
+    # A hint is worth no error: there may be another file of that name.
+    with suppress(InputError, ValueError, KeyError, TypeError):
+        light = json.loads(read_bytes(depth.with_name("report.json")))["parameters"]["light"]
+        if light["kind"] == "FlashLight" and light["gain"] == 1.0:
+            typer.echo(
+                f"{depth} comes of a flash whose gain was not given, so that its unit is arbitrary: add --align scale, "
+                "unless the other is in the same unit.",
+                err=True,
+            )
 
 
 def _table(rows: dict[str, PointErrors]) -> str:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, exif_focal_length
 from persfs_cl.choices import Precision
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -21,6 +22,8 @@ ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]
 
 _CAMERA, _LIGHT, _MATERIAL, _DEVICE = "Camera", "Light", "Material", "Device"
 _EITHER = "'--focal-length' / '--fov'"
+_WIDE = 120.0
+"""Degrees that hardly any lens sees which draws straight lines straight."""
 
 
 def finite(value: float | None) -> float | None:
@@ -213,7 +216,7 @@ class CameraOptions:
         options = cls(length, fov, point)
         if length is not None or fov is not None:
             try:
-                options.camera(Path(), (1, 1))
+                options.camera_and_source(Path(), (1, 1))
             except CameraError as error:
                 raise typer.BadParameter(str(error), param_hint=_EITHER) from error
         return options
@@ -230,7 +233,11 @@ class CameraOptions:
             raise typer.BadParameter("give one of the two.", param_hint=_EITHER)
 
     def camera(self, path: Path, shape: tuple[int, int]) -> Camera:
-        """The camera of an image.
+        """The camera of an image; see :meth:`camera_and_source`."""
+        return self.camera_and_source(path, shape)[0]
+
+    def camera_and_source(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
+        """The camera of an image, and what told its focal length.
 
         Parameters
         ----------
@@ -243,12 +250,32 @@ class CameraOptions:
         ------
         CameraError
             When the EXIF data lack the focal length.
+
+        Warns
+        -----
+        UserWarning
+            When --focal-length makes so wide a view that it looks like millimetres.
         """
-        if self.focal_length is not None:
-            return Camera(self.focal_length, self.principal_point)
         if self.fov is not None:
-            return Camera.from_fov(self.fov, shape, self.principal_point)
-        return replace(Camera.from_exif(path), principal_point=self.principal_point)
+            return Camera.from_fov(self.fov, shape, self.principal_point), "--fov"
+        if self.focal_length is None:
+            length, tags = exif_focal_length(path)
+            return Camera(length, self.principal_point), f"EXIF {tags}"
+        camera = Camera(self.focal_length, self.principal_point)
+        view = horizontal_view(camera, shape)
+        if view > _WIDE:
+            warnings.warn(
+                f"--focal-length {camera.fx:g} means a view of {view:.0f} degrees from left to right of the {shape[1]} "
+                "pixels: it is in pixels, not millimetres.",
+                stacklevel=2,
+            )
+        return camera, "--focal-length"
+
+
+def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:
+    """Angle in degrees between the left and the right edge of an image of shape (height, width)."""
+    left = camera.centre(shape)[0] + 0.5
+    return math.degrees(math.atan(left / camera.fx) + math.atan((shape[1] - left) / camera.fx))
 
 
 def chosen_light(

@@ -10,9 +10,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.cli.options import CameraOptions
+from persfs_cl.cli.options import CameraOptions, horizontal_view
 from persfs_cl.domain import rim
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.files import filling
 from persfs_cl.grey import encode_srgb
 from persfs_cl.images import Channel, Encoding, Photo, read_depth, read_light, read_mask, read_photo
 from persfs_cl.light import Light, ParallelLight
@@ -23,6 +24,8 @@ from persfs_cl.solver import reconstruct
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+_WITHOUT_PICTURES = ("depth.npy", "depth.tiff", "mesh.ply", "report.json")
 
 
 @dataclass(frozen=True)
@@ -125,8 +128,14 @@ class PhotoSolution:
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
         return self.solution.grey_errors(np.minimum(self.unfiltered, self.solution.white))
 
-    def save(self, folder: Path) -> list[Path]:
+    def save(self, folder: Path, *, pictures: bool = True) -> list[Path]:
         """Write all results to a folder, or none.
+
+        Parameters
+        ----------
+        folder : Path
+        pictures : bool
+            False leaves them out; depth, mesh and report remain.
 
         Returns
         -------
@@ -154,7 +163,13 @@ class PhotoSolution:
             "saturated": self.prepared.saturated,
             "clipped": self.prepared.clipped,
         }
-        return self.solution.save(folder, colour=self.photo.colour, report=report, doubts=doubts, folder=True)
+        keywords: dict[str, Any] = {"colour": self.photo.colour, "report": report, "doubts": doubts}
+        if pictures:
+            return self.solution.save(folder, **keywords, folder=True)
+        with filling(folder) as temporary:
+            for name in _WITHOUT_PICTURES:
+                self.solution.save(temporary / name, **keywords)
+        return [folder / name for name in _WITHOUT_PICTURES]
 
 
 def solve_photo(
@@ -194,7 +209,7 @@ def solve_photo(
     depths = None if known_depth is None else read_depth(known_depth, shape)
     shares = None if albedo is None else read_light(albedo, shape, channel=photo.channel, encoding=brightness.encoding)
     preparation = brightness.preparation(shape)
-    pinhole = camera.camera(path, shape)
+    pinhole, source = camera.camera_and_source(path, shape)
     wanted = opaque & inside
     light = keywords.get("light", ParallelLight())
     assumed = depths is None and isinstance(light, ParallelLight)
@@ -245,6 +260,7 @@ def solve_photo(
             "pixels": int(np.count_nonzero(known)),
             "assumed": "z = 1 on the edge of the image or mask" if assumed else None,
         },
+        "camera": {"source": source, "horizontal_view": horizontal_view(pinhole, shape)},
         "requested": {**asdict(camera), "device": keywords.get("device")},
     }
     return PhotoSolution(solution, photo, prepared, unfiltered, report)

@@ -113,14 +113,15 @@ def writing() -> Iterator[None]:
 
 @contextmanager
 def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Let the first Ctrl-C ask for an end, and the second raise KeyboardInterrupt.
+    """Let Ctrl-C ask for an end once there is something to keep; before that, and the second time, it raises as usual.
 
     Yields
     ------
     callable
-        Whether an end was asked for.
+        Whether an end was asked for. Its first call says that from now on there is something to keep.
     """
     pressed = threading.Event()
+    asking = False
 
     def ask(_number: int, _frame: FrameType | None) -> None:
         pressed.set()
@@ -129,10 +130,16 @@ def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
         os.write(2, b"persfs-cl: stopping; the surface as it is will be written. Ctrl-C again to leave without.\n")
 
     previous = signal.getsignal(signal.SIGINT)
-    # A shell starts background jobs with Ctrl-C ignored: that must stay so.
-    if previous != signal.SIG_IGN:
-        signal.signal(signal.SIGINT, ask)
+
+    def asked() -> bool:
+        nonlocal asking
+        # A shell starts background jobs with Ctrl-C ignored: that must stay so.
+        if not asking and previous != signal.SIG_IGN:
+            signal.signal(signal.SIGINT, ask)
+        asking = True
+        return pressed.is_set()
+
     try:
-        yield pressed.is_set
+        yield asked
     finally:
         signal.signal(signal.SIGINT, previous)

@@ -41,7 +41,6 @@ from persfs_cl.images import Channel, Encoding
 from persfs_cl.light import ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.photograph import Highlights, Normalise
-from persfs_cl.solution import Status
 from persfs_cl.solver import Options
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
@@ -337,12 +336,24 @@ def reconstruct(
             precision=precision,
             callback=after_iteration,
         )
-    with writing():
-        files = result.save(output)
+        stopped = interrupted()
+    try:
+        with writing():
+            files = result.save(output)
+    except KeyboardInterrupt:
+        stopped = True
+        earlier = " Those in the folder are of an earlier run." if any(output.glob("*.png")) else ""
+        typer.echo(
+            f"persfs-cl: interrupted; depth, mesh and report are still written, the pictures are not.{earlier} Ctrl-C "
+            "again to leave without.",
+            err=True,
+        )
+        with writing():
+            files = result.save(output, pictures=False)
     for file in files:
         typer.echo(file)
     typer.echo(_summary(result), err=True)
-    if result.solution.status is Status.STOPPED:
+    if stopped:
         raise typer.Exit(INTERRUPTED)
 
 
@@ -350,7 +361,7 @@ def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
     grey, photo = solution.grey_errors(), result.photo_errors()
-    said = result.report["photo"]
+    said, camera = result.report["photo"], result.report["camera"]
     steps = {
         "clipped": said["clip_highlights"] is not None,
         "highlights filled": said["filled_pixels"] > 0,
@@ -360,6 +371,8 @@ def _summary(result: PhotoSolution) -> str:
     text = (
         f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
+        f"Focal length {solution.camera.fx:.6g} pixels, by {camera['source']}: {camera['horizontal_view']:.3g} degrees "
+        "from left to right.\n"
         "Photographed again, the surface differs, in grey levels (0 to 255),\n"
     )
     if prepared:

@@ -1,0 +1,190 @@
+"""The command ``persfs-cl``: parse, call, print. One module a command."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+import persfs_cl
+from persfs_cl.cli.bench import bench
+from persfs_cl.cli.compare import compare
+from persfs_cl.cli.demo import demo
+from persfs_cl.cli.devices import devices
+from persfs_cl.cli.output import in_options
+from persfs_cl.cli.paper import paper
+from persfs_cl.cli.progress import INTERRUPTED
+from persfs_cl.cli.reconstruct import reconstruct
+from persfs_cl.cli.render import render
+from persfs_cl.errors import DeviceError, PersfsError
+
+_INPUT_FAILED, _NO_DEVICE = 1, 3
+_STDOUT_FAILED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+
+_EPILOG = """[bold]Exit status[/bold]
+
+0: done. 1: an input could not be used, or a result not be written; standard error says which and why.
+2: the command line is wrong. 3: no usable OpenCL device. 130: interrupted by Ctrl-C.
+"""
+_RECONSTRUCT_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl reconstruct photo.jpg -o result --mask object.png
+
+persfs-cl reconstruct statue.png -o result --focal-length 590 --mean-filter 3 --surface toward
+
+persfs-cl reconstruct coin.tiff -o result --fov 7 --p0 0.2 --clip-highlights 95 --overwrite
+
+persfs-cl reconstruct endoscope.png -o result --light flash --fov 90 --channel red --highlights fill --mask view.png
+
+[bold]Output[/bold]
+
+The paths of the files written go to standard output, one a line; everything else goes to standard error.
+
+Ctrl-C ends the iteration: what there is by then is written, report.json says STOPPED, and the exit status is 130.
+During the preparation it ends the program at once. While results are written it leaves out the pictures; depth, mesh
+and report are kept. Pressed again, it ends the program without them.
+"""
+_RENDER_EPILOG = """[bold]Example[/bold]
+
+persfs-cl render result/depth.npy -o image.png --focal-length 590 --p0 0.3
+
+persfs-cl render result/depth.npy -o image.png --focal-length 590 --light flash --reflectance oren-nayar --roughness 0.3
+
+The path of the image goes to standard output.
+"""
+_COMPARE_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl compare result/depth.npy truth.npy --align scale
+
+persfs-cl compare one/rendered.png other/rendered.png --mask object.png --json
+
+persfs-cl compare result/depth.npy triangulated.csv --align scale --photo photo.jpg
+"""
+_BENCH_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl bench --quick
+
+persfs-cl bench --experiment orderings --experiment roofline --sizes 2048
+
+persfs-cl bench --experiment batch --batch 1,64 --orderings wavefront --device gpu
+
+Ctrl-C keeps what was measured: the files are written, and the exit status is 130.
+"""
+_PAPER_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl paper -o result
+
+persfs-cl paper --quick
+
+It needs numba: pip install 'persfs-cl\\[paper]'.
+
+Ctrl-C keeps the tables that are finished; the exit status is 130.
+"""
+
+
+class _Commands(TyperGroup):
+    """Says what a user can mend in a line or two; everything else keeps its traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            with self._warnings(ctx):
+                return super().invoke(ctx)
+        except typer.BadParameter as error:
+            # Some versions of typer put pydantic's words before the message.
+            error.message = self._in_options(ctx, error.message.removeprefix("Value error, "))
+            raise
+        except PersfsError as error:
+            typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
+            raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
+        except OSError as error:
+            # Files fail as InputError and name themselves. A pipe whose reader has left is typer's business.
+            if error.filename is not None or error.errno not in _STDOUT_FAILED:
+                raise
+            _abandon_stdout()
+            typer.echo(
+                f"persfs-cl: standard output cannot be written: {error.strerror}. Direct it elsewhere; result files "
+                "that were written before stay.",
+                err=True,
+            )
+            raise typer.Exit(_INPUT_FAILED) from error
+        except KeyboardInterrupt as error:
+            typer.echo("persfs-cl: interrupted.", err=True)
+            raise typer.Exit(INTERRUPTED) from error
+
+    @contextmanager
+    def _warnings(self, ctx: Any) -> Iterator[None]:
+        """Warnings of the library as lines of the command; others, which are for developers, as Python has them."""
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: Any, **where: Any) -> None:
+            if issubclass(category, UserWarning):
+                typer.echo(f"persfs-cl: warning: {self._in_options(ctx, str(message))}", err=True)
+            else:
+                usual(message, category, *place, **where)
+
+        with warnings.catch_warnings():
+            warnings.showwarning = show
+            yield
+
+    def _in_options(self, ctx: Any, message: str) -> str:
+        parameters = self.commands[ctx.invoked_subcommand].params
+        names = [name for parameter in parameters for name in parameter.opts if name.startswith("--")]
+        return in_options(message, names)
+
+
+def _abandon_stdout() -> None:
+    """Let what is still buffered go nowhere: Python would try to write it once more at the end, and complain."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
+def _paragraphs(text: str) -> str:
+    """The text with its lines joined, because some versions of typer keep line ends and others do not."""
+    return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
+
+
+app = typer.Typer(
+    name="persfs-cl",
+    cls=_Commands,
+    help="Shape from one shaded photograph, on any OpenCL device.",
+    epilog=_paragraphs(_EPILOG),
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+_COMMANDS: dict[Callable[..., None], str] = {
+    reconstruct: _RECONSTRUCT_EPILOG,
+    render: _RENDER_EPILOG,
+    compare: _COMPARE_EPILOG,
+    paper: _PAPER_EPILOG,
+    bench: _BENCH_EPILOG,
+    devices: "",
+    demo: "",
+}
+for _command, _epilog in _COMMANDS.items():
+    app.command(help=_paragraphs(_command.__doc__ or ""), epilog=_paragraphs(_epilog))(_command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"persfs-cl {persfs_cl.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    del version  # used by its callback
