@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.blocks import row_blocks
 from persfs_cl.reflectance import Reflectance
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class Confidence:
     def report(self) -> dict[str, Any]:
         """Medians and counts, ready for JSON."""
         median, high = np.nanpercentile(self.slope_error, (50, 90))
-        doubtful = np.any(list(self.doubts.values()), axis=0)
+        doubtful = np.logical_or.reduce(list(self.doubts.values()))
         return {
             "slope_error": {
                 "assumed_brightness_error": BRIGHTNESS_ERROR,
@@ -88,4 +89,8 @@ def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
     half = slice(_ANGLES // 2, None)
     slope, bend = np.abs(first[half]), np.abs(second[half])
     change = 2 * BRIGHTNESS_ERROR / (slope + np.sqrt(slope**2 + 2 * BRIGHTNESS_ERROR * bend))
-    return np.asarray(np.interp(np.arccos(np.clip(cosine, 0.0, 1.0)), angle[half], change))
+    cosines = np.asarray(cosine, dtype=np.float64)
+    found = np.empty(cosines.size)
+    for some in row_blocks((cosines.size, 1)):
+        found[some] = np.interp(np.arccos(np.clip(cosines.reshape(-1)[some], 0.0, 1.0)), angle[half], change)
+    return found.reshape(cosines.shape)

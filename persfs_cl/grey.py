@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
 
 Array = NDArray[np.float64]
@@ -158,9 +159,14 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
         raise InputError(
             f"The mean filter's size {size} is larger than the image, {_size(values)}: give a smaller one."
         )
-    total = _window_sum(np.where(inside, values, 0.0), int(size))
-    count = _window_sum(inside.astype(np.float64), int(size))
-    return np.where(inside, total / np.maximum(count, 1.0), values)
+    margin = int(size) // 2
+    light, present = np.pad(np.where(inside, values, 0.0), margin), np.pad(inside, margin)
+    for rows in row_blocks(values.shape):
+        near = slice(rows.start, rows.stop + 2 * margin)
+        total = _window_sum(light[near], int(size))
+        count = _window_sum(present[near].astype(np.float64), int(size))
+        np.divide(total, count, out=values[rows], where=inside[rows])
+    return values
 
 
 def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentile: float = 100.0) -> Array:
@@ -377,15 +383,14 @@ def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
     return np.asarray(np.broadcast_to(values, shape), dtype=np.float64)
 
 
-def _window_sum(values: Array, size: int) -> Array:
+def _window_sum(padded: Array, size: int) -> Array:
     # Shifted slices are added instead of differences of cumulative sums: those cancel, and would leave
     # traces of a highlight (even negative ones) in black pixels beside it.
-    height, width = values.shape
-    padded = np.pad(values, size // 2)
+    height, width = (length - size + 1 for length in padded.shape)
     rows = np.zeros((height, padded.shape[1]))
     for shift in range(size):
         rows += padded[shift : shift + height]
-    total = np.zeros(values.shape)
+    total = np.zeros((height, width))
     for shift in range(size):
         total += rows[:, shift : shift + width]
     return total

@@ -251,7 +251,7 @@ def prepare_photo(
     specular = masked = filled = clipped = nowhere
     if preparation.highlights != "keep":
         # In the colour of which the surface itself has least, the colour of the lamp stands out most.
-        specular = find_specular(photo.linear(photo.smallest_sample), mask=inside)
+        specular = find_specular(_decoded(photo, photo.smallest_sample), mask=inside)
         masked = inside & dilate(saturated | specular, _HALO)
         if preparation.highlights == "fill":
             highlights = masked
@@ -309,6 +309,15 @@ def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
     """
     grid = camera.grid(shape)
     return np.asarray((1.0 + grid.x**2 + grid.y**2) ** -2)
+
+
+def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:
+    """Linear light of numbers of the file."""
+    if photo.white is None:
+        return photo.linear(samples)
+    # A table of every possible one costs far less than a power for each pixel.
+    levels = photo.linear(np.arange(photo.white + 1))
+    return np.asarray(levels[samples])
 
 
 def _without_ambient(photo: Photo, values: Array, ambient: float | ArrayLike, inside: Mask) -> tuple[Array, Mask]:

@@ -1,12 +1,14 @@
 """Pictures for people: depth, normals, relief, comparison, confidence and convergence, each one PNG file.
 
-Every picture is drawn on a figure of its own with the Agg canvas: no display, no pyplot, no global state.
+Every picture is drawn on a figure of its own with the Agg canvas: no display, no pyplot, no global state. Maps of more
+than 2000 pixels a side are drawn from 1000 to 2000 means of blocks of pixels, more than the figure has dots; scales and
+numbers are those of all pixels. The normal map alone has a pixel for each of the photograph.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import surface
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, atomic_path
@@ -36,6 +39,8 @@ _NOTHING_DOUBTFUL = "0.65"
 _NO_SURFACE = "0.88"
 _SLENDEREST = 8.0
 _STEEPEST_CHANGE = 10.0
+_MAP_SAMPLES = 1000
+_COMPRESSION = 4  # half the time of the usual 6, and no more bytes
 _RELIEF_SAMPLES = 200
 _SOLID_INCHES = 5.6
 _ELEVATION, _AZIMUTH = 48.0, -70.0
@@ -96,8 +101,11 @@ def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
     if vectors.ndim != 3 or vectors.shape[2] != 3:
         raise InputError(f"normals has shape {vectors.shape}: give unit vectors, (height, width, 3).")
     _require_finite("normals", vectors)
-    upright = np.nan_to_num(vectors * (1.0, -1.0, -1.0), nan=0.0)
-    return np.floor((upright.clip(-1.0, 1.0) + 1.0) * 127.5 + 0.5).astype(np.uint8)
+    colours = np.empty(vectors.shape, np.uint8)
+    for rows in row_blocks(vectors.shape[:2]):
+        upright = np.nan_to_num(vectors[rows] * (1.0, -1.0, -1.0), nan=0.0)
+        np.floor((upright.clip(-1.0, 1.0) + 1.0) * 127.5 + 0.5, out=colours[rows], casting="unsafe")
+    return colours
 
 
 def normals_picture(path: FilePath, normals: ArrayLike) -> None:
@@ -119,7 +127,7 @@ def normals_picture(path: FilePath, normals: ArrayLike) -> None:
 
     pixels = normals_rgb(normals)
     # In memory first: imageio's writers print a traceback of their own when the disk is full.
-    data = imageio.v3.imwrite("<bytes>", pixels, extension=".png")
+    data = imageio.v3.imwrite("<bytes>", pixels, extension=".png", compress_level=_COMPRESSION)
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
 
@@ -132,7 +140,9 @@ def relief_picture(
     title: str = "Surface",
     *,
     unit: str = UNIT,
+    white: float = 1.0,
     cuts: surface.Cuts | None = None,
+    normals: ArrayLike | None = None,
 ) -> None:
     """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
 
@@ -148,28 +158,38 @@ def relief_picture(
         Depth along the optical axis, > 0; NaN where there is no surface.
     camera : Camera
     image : array_like, shape (height, width), optional
-        Photograph in [0, 1]; a second view then wears its grey.
+        Photograph in [0, white]; a second view then wears its grey.
     title : str
     unit : str
         Unit of the depth, for the note on the scale.
+    white : float
+        The brightness of the photograph that is shown as white.
     cuts : Cuts, optional
         Where the surface is interrupted; no facet is drawn across.
+    normals : array_like, shape (height, width, 3), optional
+        Those of `persfs_cl.surface.normals`, where they are at hand.
 
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map or is NaN everywhere, or when ``image`` or ``cuts`` has another shape.
+        When ``depth`` is not a depth map or is NaN everywhere, or when ``image``, ``normals`` or ``cuts`` has another
+        shape.
     """
-    surface_points = surface.points(depth, camera)
-    _require_finite("depth", surface_points)
-    far_off = _far_off(surface_points)
-    surface_points[far_off] = np.nan
-    shape = surface_points.shape[:2]
+    z = surface.depth_array(depth)
+    _require_finite("depth", z)
+    shape = z.shape[0], z.shape[1]
+    grid = camera.grid(shape)
+    x, y = np.broadcast_to(grid.x, shape), np.broadcast_to(grid.y, shape)
+    far_off = _far_off(x, y, z)
+    z = np.where(far_off, np.nan, z)
     grey = None if image is None else np.asarray(image, dtype=np.float64)
     if grey is not None and grey.shape != shape:
         raise InputError(f"image has shape {grey.shape}: give a grey image of the depth's shape {shape}.")
+    facing = surface.normals(depth, camera, cuts) if normals is None else np.asarray(normals, dtype=np.float64)
+    if facing.shape != (*shape, 3):
+        raise InputError(f"normals has shape {facing.shape}: give those of the depth, {(*shape, 3)}.")
 
-    finite = np.isfinite(surface_points[..., 2])
+    finite = np.isfinite(z)
     rows, columns = np.nonzero(finite)
     step = 1 + max(np.ptp(rows), np.ptp(columns)) // _RELIEF_SAMPLES
     sampled = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
@@ -181,10 +201,12 @@ def relief_picture(
     def facets_of(values: Array) -> Array:
         return _corners(values[sampled])[whole] if whole.any() else values[finite][:, None]
 
-    facets = facets_of(surface_points)
-    colours = [_clay(facets_of(surface.normals(depth, camera, cuts)).mean(axis=1))]
+    depths = facets_of(z)
+    facets = np.stack([depths * facets_of(x), depths * facets_of(y), depths], axis=-1)
+    colours = [_clay(facets_of(facing).mean(axis=1))]
     if grey is not None:
-        colours.insert(0, facets_of(np.nan_to_num(grey).clip(0.0, 1.0)).mean(axis=1).repeat(3).reshape(-1, 3))
+        worn = (np.nan_to_num(facets_of(grey)) / white).clip(0.0, 1.0)
+        colours.insert(0, worn.mean(axis=1).repeat(3).reshape(-1, 3))
 
     lowest, highest = facets.min(axis=(0, 1)), facets.max(axis=(0, 1))
     centre, extent = (lowest + highest) / 2, highest - lowest
@@ -240,13 +262,15 @@ def comparison_picture(
         raise InputError(f"white={white!r} is not a brightness: give a finite number above 0.")
     scale = 255.0 / white
     given = np.asarray(photo, dtype=np.float64) * scale
-    again = (np.asarray(rendered, dtype=np.float64) * scale).clip(0.0, 255.0)
+    again = np.asarray(rendered, dtype=np.float64) * scale
+    np.clip(again, 0.0, 255.0, out=again)
     if given.ndim != 2:
         raise InputError(f"photo has shape {given.shape}: give a grey image, (height, width).")
     errors = compare(again, given)
     difference = again - given
+    sizes = np.abs(difference[~np.isnan(difference)])
     # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
-    limit = max(float(np.nanpercentile(np.abs(difference), 99)), 1.0)
+    limit = max(float(np.percentile(sizes, 99, overwrite_input=True)), 1.0)
 
     with _figure(path, *_size(difference, panels=3)) as figure:
         left, middle, right = figure.subplots(1, 3, sharey=True)
@@ -321,7 +345,8 @@ def confidence_picture(
         bar = figure.colorbar(picture, location=place, label=label, extend="both")
         bar.long_axis.set_major_formatter("{x:g}")
         bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
-        _show(right, classes, "In doubt, and why", ListedColormap(colours), (-0.5, len(colours) - 0.5))
+        limits = (-0.5, len(colours) - 0.5)
+        _show(right, classes, "In doubt, and why", ListedColormap(colours), limits, thin=_first_reasons)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
         figure.suptitle(title)
 
@@ -411,11 +436,12 @@ def _figure(path: FilePath, width: float, height: float, *, arrange: bool = True
 
     with _drawing:
         figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="compressed" if arrange else None)
-        FigureCanvasAgg(figure)
+        canvas = FigureCanvasAgg(figure)
         yield figure
         with atomic_path(path) as temporary:
             # Without the metadata the same input gives the same bytes under every version number.
-            figure.savefig(temporary, format="png", dpi="figure", metadata={"Software": None})
+            # Not by savefig(), which would go through everything twice.
+            canvas.print_png(temporary, metadata={"Software": None})  # type: ignore[no-untyped-call]
 
 
 def _size(image: Array, panels: int = 1) -> tuple[float, float]:
@@ -430,15 +456,24 @@ def _show(
     image: Array,
     title: str,
     cmap: str | Colormap,
-    limits: tuple[float, float] | tuple[None, None] = (None, None),
+    limits: tuple[float, float] | None = None,
+    thin: Callable[[Array, int, int], Array] | None = None,
 ) -> AxesImage:
-    """Image on axes in pixels, light grey where it is NaN.
+    """Image on axes in pixels, light grey where it is NaN; of a large one, means of blocks or what `thin` makes of it.
 
     Pixels are square, unless the image is so slender that nothing could be seen of it, nor of a colour bar beside it.
+    Unless there are limits, colours are for the range of all pixels.
     """
-    slenderness = image.shape[1] / image.shape[0]
+    height, width = image.shape
+    slenderness = width / height
     stretch = slenderness / np.clip(slenderness, 1 / _SLENDEREST, _SLENDEREST)
-    picture = axes.imshow(image, cmap=cmap, vmin=limits[0], vmax=limits[1], aspect=float(stretch))
+    low, high = limits or (np.nanmin(image), np.nanmax(image))
+    down, right = (max(1, size // _MAP_SAMPLES) for size in image.shape)
+    shown = image if down == right == 1 else (thin or _means)(image, down, right)
+    extent = (-0.5, shown.shape[1] * right - 0.5, shown.shape[0] * down - 0.5, -0.5)
+    picture = axes.imshow(shown, cmap=cmap, vmin=low, vmax=high, aspect=float(stretch), extent=extent)
+    # Blocks may end behind the last pixel.
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     axes.set_facecolor(_NO_SURFACE)
     axes.set_title(title, fontsize=11)
     axes.set_xlabel("column (px)")
@@ -446,6 +481,29 @@ def _show(
     axes.label_outer()
     axes.locator_params(integer=True, min_n_ticks=1)
     return picture
+
+
+def _of_blocks(combine: np.ufunc, values: Array, down: int, right: int) -> Array:
+    """One number for every block of so many pixels down and to the right; at the end there may be fewer."""
+    height, width = values.shape
+    # Along rows first: neighbours in memory.
+    along_rows = combine.reduceat(values, np.arange(0, width, right), axis=1)
+    return np.asarray(combine.reduceat(along_rows, np.arange(0, height, down)))
+
+
+def _means(values: Array, down: int, right: int) -> Array:
+    """Means of blocks, over what is not NaN."""
+    there = ~np.isnan(values)
+    total = _of_blocks(np.add, np.where(there, values, 0.0), down, right)
+    count = _of_blocks(np.add, there.astype(np.float64), down, right)
+    return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+
+
+def _first_reasons(classes: Array, down: int, right: int) -> Array:
+    """The first reason for doubt in each block, so that the smallest spot can be seen; 0 where there is none."""
+    first = _of_blocks(np.fmin, np.where(classes == 0, np.inf, classes), down, right)
+    first[np.isinf(first)] = 0.0
+    return first
 
 
 def _corners(samples: NDArray[Any]) -> NDArray[Any]:
@@ -462,15 +520,18 @@ def _interrupted(cuts: surface.Cuts, sampled: tuple[slice, slice]) -> NDArray[np
     return np.asarray(across[:-1] | across[1:] | downwards[:, :-1] | downwards[:, 1:])
 
 
-def _far_off(points: Array) -> NDArray[np.bool_]:
-    """The few points that lie so far from all others that those could hardly be seen."""
-    low, high = np.nanpercentile(points, (0.5, 99.5), axis=(0, 1))
+def _far_off(x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
+    """The few points z (x, y, 1) that lie so far from all others that those could hardly be seen."""
+    finite = np.isfinite(z)
+    there = z[finite]
+    points = np.stack([there * x[finite], there * y[finite], there])
+    low, high = np.percentile(points[:, :: 1 + there.size // _MAP_SAMPLES**2], (0.5, 99.5), axis=1)[..., None]
     longest = (high - low).max()
-    whole = np.nanmax(points, axis=(0, 1)) - np.nanmin(points, axis=(0, 1))
-    if whole.max() <= 2 * longest:
-        return np.zeros(points.shape[:2], bool)
-    margin = longest / 4
-    return np.asarray(((points < low - margin) | (points > high + margin)).any(axis=2))
+    far_off = np.zeros(z.shape, bool)
+    if np.ptp(points, axis=1).max() > 2 * longest:
+        margin = longest / 4
+        far_off[finite] = ((points < low - margin) | (points > high + margin)).any(axis=0)
+    return far_off
 
 
 def _clay(towards_camera: Array) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from persfs_cl import forward, images, metrics, pictures, surface
 from persfs_cl._cl.device import Device
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.confidence import Confidence, slope_error
 from persfs_cl.errors import InputError
@@ -177,9 +178,13 @@ class Solution:
             Compare with this image, on the same scale, such as the photograph before smoothing, instead of with the
             prepared :attr:`image`.
         """
-        given = self.image if photo is None else photo
+        return self._grey_errors(self.render(), self.image if photo is None else photo)
+
+    def _grey_errors(self, rendered: Array, given: Array) -> metrics.Errors:
         grey = 255.0 / self.white
-        return metrics.compare(grey * np.clip(self.render(), 0.0, self.white), grey * given)
+        seen = np.clip(rendered, 0.0, self.white)
+        seen *= grey
+        return metrics.compare(seen, grey * given)
 
     def confidence(self, doubts: Doubts | None = None) -> Confidence:
         """How far each pixel can be believed, as far as it can be told without knowing the surface.
@@ -200,6 +205,9 @@ class Solution:
         InputError
             When a map is not of bool, or not of the image's shape.
         """
+        return self._confidence(self.normals(), doubts)
+
+    def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
         given = {reason: np.asarray(pixels) for reason, pixels in (doubts or {}).items()}
         for reason, pixels in given.items():
             if pixels.dtype != bool or pixels.shape != self.depth.shape:
@@ -207,12 +215,17 @@ class Solution:
                     f"doubts[{reason!r}] is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's "
                     f"shape {self.depth.shape}."
                 )
-        if isinstance(self.light, ParallelLight):
-            to_light = np.array([-self.light.p0, -self.light.q0, -1.0])
-        else:
-            to_light = np.asarray(self.light.offset) - self.points()
-        to_light = to_light / np.linalg.norm(to_light, axis=-1, keepdims=True)
-        cosine = (self.normals() * to_light).sum(axis=-1)
+        grid = self.camera.grid((self.depth.shape[0], self.depth.shape[1]))
+        cosine = np.empty(self.depth.shape)
+        for rows in row_blocks(self.depth.shape):
+            z = self.depth[rows]
+            if isinstance(self.light, ParallelLight):
+                to_light = np.array([-self.light.p0, -self.light.q0, -1.0])
+            else:
+                x, y, forward = self.light.offset
+                to_light = np.stack([x - z * grid.x, y - z * grid.y[rows], forward - z], axis=-1)
+            along = (normals[rows] * to_light).sum(axis=-1)
+            np.divide(along, np.linalg.norm(to_light, axis=-1), out=cosine[rows])
         own = {"unreached": self.unreached, "clamped": self.clamped}
         if self.walls is not None:
             own["on a wall"] = self.walls
@@ -226,7 +239,10 @@ class Solution:
         doubts : mapping, optional
             As for :meth:`confidence`.
         """
-        grey = self.grey_errors()
+        return self._report(self.render(), self.confidence(doubts))
+
+    def _report(self, rendered: Array, confidence: Confidence) -> dict[str, Any]:
+        grey = self._grey_errors(rendered, self.image)
         height, width = self.depth.shape
         return {
             "status": self.status.name,
@@ -251,7 +267,7 @@ class Solution:
                 "mean_error": grey.mean,
                 "root_mean_square": grey.root_mean_square,
             },
-            "confidence": self.confidence(doubts).report(),
+            "confidence": confidence.report(),
             "seconds": {
                 "total": self.elapsed.total,
                 "kernels": self.elapsed.kernels,
@@ -320,11 +336,16 @@ class Solution:
             return [target]
         names = ("depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json")
         with filling(target) as temporary:
-            files = [temporary / name for name in names]
-            for file in files:
-                self._write(file, colour, report, doubts)
-            files += self._draw(temporary, doubts)
-        return [target / file.name for file in files]
+            for name in names[:3]:
+                self._write(temporary / name, colour, report, doubts)
+            # Once for the report and all pictures: in a large photograph these take more memory than all the rest.
+            normals, rendered = self.normals(), self.render()
+            confidence = self._confidence(normals, doubts)
+            _write_json(temporary / "report.json", self._report(rendered, confidence), report)
+            drawn = self._draw(temporary, normals, rendered, confidence)
+            del normals, rendered, confidence
+            self._write(temporary / "mesh.ply", colour, report, doubts)
+        return [target / name for name in (*names, *drawn)]
 
     @property
     def _unit(self) -> str:
@@ -348,23 +369,37 @@ class Solution:
             with atomic_path(target) as temporary:
                 mesh.export(temporary)
         elif suffix == ".json":
-            text = json.dumps({**self.report(doubts), **(report or {})}, indent=2)
-            with atomic_path(target) as temporary:
-                temporary.write_text(text + "\n", encoding="utf-8")
+            _write_json(target, self.report(doubts), report)
         else:
             raise InputError(
                 f"{target.name!r} has no known suffix: use .npy, .tiff, .png, .ply, .obj, .stl, .glb or .json, "
                 "or a folder name without suffix for everything."
             )
 
-    def _draw(self, folder: Path, doubts: Doubts | None) -> list[Path]:
-        rendered, image = self.render() / self.white, self.image / self.white
-        pictures.normals_picture(folder / "normals.png", self.normals())
-        pictures.relief_picture(folder / "relief.png", self.depth, self.camera, image, unit=self._unit, cuts=self.cuts)
-        images.write_grey(folder / "rendered.png", rendered)
-        pictures.comparison_picture(folder / "comparison.png", image, rendered, photo_title="Prepared photograph")
-        confidence = self.confidence(doubts)
+    def _draw(self, folder: Path, normals: Array, rendered: Array, confidence: Confidence) -> list[str]:
+        """Names of the pictures drawn."""
+        white = self.white
+        pictures.normals_picture(folder / "normals.png", normals)
+        pictures.relief_picture(
+            folder / "relief.png",
+            self.depth,
+            self.camera,
+            self.image,
+            unit=self._unit,
+            white=white,
+            cuts=self.cuts,
+            normals=normals,
+        )
+        images.write_grey(folder / "rendered.png", rendered / white)
+        pictures.comparison_picture(
+            folder / "comparison.png", self.image, rendered, white=white, photo_title="Prepared photograph"
+        )
         pictures.confidence_picture(folder / "confidence.png", confidence.slope_error, confidence.doubts)
         pictures.convergence_picture(folder / "convergence.png", self.changes, self.parameters["tolerance"])
-        names = ("normals", "relief", "rendered", "comparison", "confidence", "convergence")
-        return [folder / f"{name}.png" for name in names]
+        return [f"{name}.png" for name in ("normals", "relief", "rendered", "comparison", "confidence", "convergence")]
+
+
+def _write_json(target: Path, *entries: Mapping[str, Any] | None) -> None:
+    text = json.dumps({name: value for some in entries for name, value in (some or {}).items()}, indent=2)
+    with atomic_path(target) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")

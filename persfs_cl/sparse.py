@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,10 +61,13 @@ def read_points(path: FilePath) -> Array:
         When the file cannot be read, or a point lacks one of the three numbers.
     """
     path = as_path(path)
+    data = read_bytes(path)
     try:
-        text = read_bytes(path).decode("utf-8-sig")
-        entries = _from_json(text) if path.suffix.lower() == ".json" else _from_csv(text)
+        text = data.decode("utf-8-sig")
+        entries = _from_json(text) if path.suffix.lower() == ".json" else _from_csv(path, text)
         points = np.array(entries, dtype=np.float64)
+    except InputError:
+        raise
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{path} holds no list of points ({error!r}): give CSV with column, row and depth, or JSON with a list of "
@@ -128,9 +132,22 @@ def _from_json(text: str) -> list[list[Any]]:
     return [[point[name] for name in _FIELDS] for point in points]
 
 
-def _from_csv(text: str) -> list[list[Any]]:
+def _from_csv(path: Path, text: str) -> list[list[Any]]:
     rows = [row for row in csv.reader(text.splitlines()) if row]
     names = [name.strip() for name in rows[0]] if rows else []
     if set(_FIELDS) <= set(names):
         return [[row[names.index(name)] for name in _FIELDS] for row in rows[1:]]
+    if names and not any(map(_is_number, names)):
+        raise InputError(
+            f"{path} has the headings {', '.join(names)}, but column, row and depth are wanted, with commas between: "
+            "rename them, or leave the headings out and give these three numbers a line, the first two in pixels."
+        )
     return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -6,13 +6,15 @@ depth is NaN are not part of the surface.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.camera import Camera
+from persfs_cl.blocks import row_blocks
+from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.errors import InputError
 
 if TYPE_CHECKING:
@@ -103,9 +105,12 @@ def points(depth: ArrayLike, camera: Camera) -> Array:
         When ``depth`` is not a depth map, see `depth_array`.
     """
     z = depth_array(depth)
-    height, width = z.shape
-    grid = camera.grid((height, width))
-    return np.stack([z * grid.x, z * grid.y, z], axis=-1)
+    grid = _grid(z, camera)
+    found = np.empty((*z.shape, 3))
+    np.multiply(z, grid.x, out=found[..., 0])
+    np.multiply(z, grid.y, out=found[..., 1])
+    found[..., 2] = z
+    return found
 
 
 def log_depth_gradient(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> tuple[Array, Array]:
@@ -132,16 +137,31 @@ def log_depth_gradient(depth: ArrayLike, camera: Camera, cuts: Cuts | None = Non
     InputError
         When ``depth`` is not a depth map, see `depth_array`, or the cuts have another shape.
     """
-    log_depth = np.log(depth_array(depth))
-    height, width = log_depth.shape
-    grid = camera.grid((height, width))
-    if cuts is None:
-        return _slope(log_depth, grid.dx), _slope(log_depth.T, grid.dy).T
-    cuts.check(log_depth.shape)
-    return _slope(log_depth, grid.dx, cuts.right), _slope(log_depth.T, grid.dy, cuts.down.T).T
+    z = depth_array(depth)
+    p, q = np.empty_like(z), np.empty_like(z)
+    for rows, *slopes in _slopes(z, _grid(z, camera), cuts):
+        p[rows], q[rows] = slopes
+    return p, q
 
 
-def _slope(values: Array, spacing: float, cut: NDArray[np.bool_] | None = None) -> Array:
+def _grid(z: Array, camera: Camera) -> PixelGrid:
+    height, width = z.shape
+    return camera.grid((height, width))
+
+
+def _slopes(z: Array, grid: PixelGrid, cuts: Cuts | None) -> Iterator[tuple[slice, Array, Array]]:
+    """Some rows at a time, and the slopes along x and y there."""
+    if cuts is not None:
+        cuts.check(z.shape)
+    for rows in row_blocks(z.shape):
+        near = slice(max(rows.start - 1, 0), min(rows.stop + 1, len(z)))
+        within = slice(rows.start - near.start, rows.stop - near.start)
+        log_depth = np.log(z[near])
+        right, down = (None, None) if cuts is None else (cuts.right[rows], cuts.down[near.start : near.stop - 1].T)
+        yield rows, _slope(log_depth[within], grid.dx, right), _slope(log_depth.T, grid.dy, down).T[within]
+
+
+def _slope(values: Array, spacing: float, cut: NDArray[np.bool_] | None) -> Array:
     """Along rows, the mean of backward and forward difference, or whichever of the two exists."""
     steps = np.diff(values, prepend=np.nan, append=np.nan)
     if cut is not None:
@@ -174,11 +194,15 @@ def normals(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> Array
     InputError
         When ``depth`` is not a depth map, see `depth_array`, or the cuts have another shape.
     """
-    p, q = log_depth_gradient(depth, camera, cuts)
-    height, width = p.shape
-    grid = camera.grid((height, width))
-    towards_camera = np.stack([p, q, -(1.0 + grid.x * p + grid.y * q)], axis=-1)
-    return np.asarray(towards_camera / np.linalg.norm(towards_camera, axis=-1, keepdims=True))
+    z = depth_array(depth)
+    grid = _grid(z, camera)
+    towards_camera = np.empty((*z.shape, 3))
+    for rows, p, q in _slopes(z, grid, cuts):
+        w = 1.0 + grid.x * p + grid.y[rows] * q
+        length = np.sqrt(p**2 + q**2 + w**2)
+        for component, value in enumerate((p, q, -w)):
+            np.divide(value, length, out=towards_camera[rows, :, component])
+    return towards_camera
 
 
 def mesh(
@@ -214,12 +238,17 @@ def mesh(
     """
     import trimesh
 
-    surface_points = points(depth, camera)
-    finite = np.isfinite(surface_points[..., 2])
+    z = depth_array(depth)
+    finite = ~np.isnan(z)
     if not finite.any():
         raise InputError(f"depth of shape {finite.shape} is NaN everywhere: a mesh needs at least one finite pixel.")
+    grid = _grid(z, camera)
+    vertices = np.empty((np.count_nonzero(finite), 3))
+    vertices[:, 2] = z[finite]
+    for axis, direction in enumerate((grid.x, grid.y)):
+        np.multiply(vertices[:, 2], np.broadcast_to(direction, z.shape)[finite], out=vertices[:, axis])
     return trimesh.Trimesh(
-        vertices=surface_points[finite],
+        vertices=vertices,
         faces=_faces(finite, cuts),
         vertex_colors=None if colour is None else _rgb(colour, finite.shape)[finite],
         process=False,
@@ -228,14 +257,30 @@ def mesh(
 
 def _faces(finite: NDArray[np.bool_], cuts: Cuts | None) -> NDArray[np.int64]:
     """Triangles of every 2x2 square with three joined pixels, as indices of the finite pixels."""
-    vertex = np.where(finite, np.cumsum(finite).reshape(finite.shape) - 1, -1)
-    top_left, top_right = vertex[:-1, :-1], vertex[:-1, 1:]
-    bottom_left, bottom_right = vertex[1:, :-1], vertex[1:, 1:]
-    along_rows, along_columns = finite[:, :-1] & finite[:, 1:], finite[:-1] & finite[1:]
     if cuts is not None:
         cuts.check(finite.shape)
-        along_rows &= ~cuts.right
-        along_columns &= ~cuts.down
+    triangles = []
+    before = 0
+    for rows in row_blocks(finite.shape):
+        near = slice(rows.start, rows.stop + 1)
+        present = finite[near]
+        # Where there is no finite pixel this is the index of the one before, which no triangle takes.
+        vertex = (np.cumsum(present, dtype=np.int32) + np.int32(before - 1)).reshape(present.shape)
+        before += int(np.count_nonzero(finite[rows]))
+        along_rows, along_columns = present[:, :-1] & present[:, 1:], present[:-1] & present[1:]
+        if cuts is not None:
+            along_rows &= ~cuts.right[near]
+            along_columns &= ~cuts.down[rows]
+        triangles.append(_triangles(vertex, along_rows, along_columns))
+    return np.concatenate(triangles, dtype=np.int64)
+
+
+def _triangles(
+    vertex: NDArray[np.int32], along_rows: NDArray[np.bool_], along_columns: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Triangles between pixels of some indices, from what joins them to the next in the row and in the column."""
+    top_left, top_right = vertex[:-1, :-1], vertex[:-1, 1:]
+    bottom_left, bottom_right = vertex[1:, :-1], vertex[1:, 1:]
     top, bottom, left, right = along_rows[:-1], along_rows[1:], along_columns[:, :-1], along_columns[:, 1:]
     at_top_left, at_bottom_right = top & left, bottom & right
     # The last two use the other diagonal, so each stands alone where the others are missing.

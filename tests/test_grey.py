@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from persfs_cl import blocks
 from persfs_cl.errors import InputError
 from persfs_cl.grey import (
     brightest_diffuse,
@@ -284,3 +285,12 @@ def test_unusable_images_and_masks_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=reason):
         function(image, mask=mask)
+
+
+@pytest.mark.parametrize("size", [3, 7])
+def test_mean_filter_does_not_show_where_a_block_of_rows_ends(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(5)
+    image, mask = random.random((23, 9)), random.random((23, 9)) < 0.8
+    whole = mean_filter(image, size, mask)
+    monkeypatch.setattr(blocks, "_PIXELS", 2 * 9)
+    np.testing.assert_array_equal(mean_filter(image, size, mask), whole)

@@ -11,7 +11,7 @@ from typing import Any
 import imageio.v3
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 
 from persfs_cl import pictures
@@ -54,13 +54,13 @@ def a_holed_bump() -> Array:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
     """The figures that were saved, so that a test can read what they say."""
     figures: Drawn = []
-    save = Figure.savefig
+    save = FigureCanvasAgg.print_png
 
-    def remember(figure: Figure, *arguments: Any, **keywords: Any) -> None:
-        figures.append(figure)
-        save(figure, *arguments, **keywords)
+    def remember(canvas: FigureCanvasAgg, *arguments: Any, **keywords: Any) -> None:
+        figures.append(canvas.figure)
+        save(canvas, *arguments, **keywords)  # type: ignore[no-untyped-call]
 
-    monkeypatch.setattr(Figure, "savefig", remember)
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", remember)
     return figures
 
 
@@ -313,3 +313,43 @@ def test_drawing_needs_neither_pyplot_nor_a_backend(tmp_path: Path) -> None:
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env={"MPLBACKEND": "tkagg"})
+
+
+def test_large_maps_are_drawn_from_means_of_blocks_at_their_places(tmp_path: Path, drawn: Drawn) -> None:
+    depth = np.full((3, 2 * 1000 + 501), 2.0)
+    depth[:, 1::2] = 3.0
+    depth[0] = np.nan
+    depth[2, :2] = np.nan
+    pictures.depth_picture(tmp_path / "depth.png", depth)
+    axes = drawn[0].axes[0]
+    shown = np.ma.filled(axes.images[0].get_array(), np.nan)
+    assert shown.shape == (3, 1251)
+    np.testing.assert_array_equal(shown[1], [*[2.5] * 1250, 2.0])  # the last block is one pixel
+    assert np.isnan(shown[0]).all()
+    assert np.isnan(shown[2, 0])
+    assert shown[2, 1] == 2.5
+    assert (axes.get_xlim(), axes.get_ylim()) == ((-0.5, 2500.5), (2.5, -0.5))
+    assert tuple(axes.images[0].get_extent()) == (-0.5, 2501.5, 2.5, -0.5)
+    assert axes.images[0].get_clim() == (2.0, 3.0)  # of all pixels
+
+
+def test_the_smallest_doubt_is_seen_in_a_large_map(tmp_path: Path, drawn: Drawn) -> None:
+    errors = np.full((2, 4000), 0.1)
+    errors[:, 2000:] = np.nan
+    first, second = np.zeros((2, *errors.shape), dtype=bool)
+    second[0, 40:44] = first[1, 43] = second[1, 99] = True
+    pictures.confidence_picture(tmp_path / "confidence.png", errors, {"first": first, "second": second})
+    classes = np.ma.filled(drawn[0].axes[1].images[0].get_array(), -1)
+    expected = np.repeat([[0, -1]], 500, axis=1).repeat(2, axis=0)
+    expected[0, 10], expected[1, 10], expected[1, 24] = 2, 1, 2
+    np.testing.assert_array_equal(classes, expected)
+    assert "first: 1 px" in [text.get_text() for text in drawn[0].legends[0].get_texts()]
+
+
+def test_relief_takes_normals_and_white_that_are_at_hand(tmp_path: Path) -> None:
+    depth, photo = a_holed_bump(), np.tile(np.linspace(0.0, 1.0, 37), (24, 1))
+    pictures.relief_picture(tmp_path / "one.png", depth, CAMERA, photo)
+    pictures.relief_picture(tmp_path / "two.png", depth, CAMERA, 8.0 * photo, white=8.0, normals=normals(depth, CAMERA))
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+    with pytest.raises(InputError, match=r"normals has shape \(3, 4, 3\)"):
+        pictures.relief_picture(tmp_path / "three.png", depth, CAMERA, normals=np.ones((3, 4, 3)))

@@ -17,6 +17,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import persfs_cl as ps
+from persfs_cl import blocks
 from persfs_cl.confidence import slope_error
 from persfs_cl.images import read_depth
 from persfs_cl.light import Light
@@ -182,10 +183,7 @@ def test_saving_where_it_cannot_be_is_refused(solution: ps.Solution, tmp_path: P
 
 
 @pytest.mark.parametrize("exists", [True, False])
-def test_a_folder_may_have_a_dot_in_its_name(
-    exists: bool, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
+def test_a_folder_may_have_a_dot_in_its_name(exists: bool, solution: ps.Solution, tmp_path: Path) -> None:
     folder = tmp_path / "run.2"
     if exists:
         folder.mkdir()
@@ -212,3 +210,14 @@ def test_saving_to_a_folder_writes_all_or_nothing(
         assert {path.name: path.read_text() for path in folder.iterdir()} == {"depth.npy": "old"}
     else:
         assert not list(tmp_path.iterdir())
+
+
+def test_confidence_does_not_depend_on_the_size_of_blocks(
+    solution: ps.Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for light in (ps.ParallelLight(0.3, -0.2), ps.FlashLight(offset=(0.1, 0.0, 0.0))):
+        lit = dataclasses.replace(solution, light=light)
+        with monkeypatch.context() as changed:
+            changed.setattr(blocks, "_PIXELS", 150)
+            by_blocks = lit.confidence().slope_error
+        np.testing.assert_array_equal(by_blocks, lit.confidence().slope_error)

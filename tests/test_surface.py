@@ -7,9 +7,10 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from persfs_cl import blocks
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.surface import log_depth_gradient, mesh, normals, points
+from persfs_cl.surface import Cuts, log_depth_gradient, mesh, normals, points
 
 Array = NDArray[np.float64]
 
@@ -225,3 +226,19 @@ def test_a_depth_of_impossible_shape_is_refused(shape: tuple[int, ...]) -> None:
 def test_a_colour_that_does_not_fit_is_refused(colour: NDArray[np.generic]) -> None:
     with pytest.raises(InputError, match="colour has shape"):
         mesh(np.ones((3, 4)), a_camera(), colour)
+
+
+@pytest.mark.parametrize("shape", [(23, 7), (1, 30), (30, 1)])
+def test_nothing_shows_where_a_block_of_rows_ends(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    camera, depth = a_camera(), rough_depth(holed(shape, 0.2))
+    random = np.random.default_rng(4)
+    cuts = Cuts(random.random((shape[0], shape[1] - 1)) < 0.2, random.random((shape[0] - 1, shape[1])) < 0.2)
+
+    def found() -> list[Array]:
+        faces = mesh(depth, camera, cuts=cuts).faces
+        return [*log_depth_gradient(depth, camera, cuts), normals(depth, camera, cuts), np.unique(faces, axis=0)]
+
+    whole = found()
+    monkeypatch.setattr(blocks, "_PIXELS", 2 * shape[1])
+    for one, other in zip(whole, found(), strict=True):
+        np.testing.assert_array_equal(one, other)
