@@ -31,7 +31,7 @@ demo: $(INSTALLED)
 	$(BIN)/persfs-cl demo
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check

@@ -8,14 +8,14 @@ static inline float largest_change(__global const real *log_depth, __global real
         largest = most(largest, magnitude(LOAD(previous + vector * LANES) - value));
         STORE(previous + vector * LANES, value);
     }
-#if LANES == 8
+#if LANES > 1
     union {
         number all;
-        real lane[8];
+        real lane[LANES];
     } each;
     each.all = largest;
     real change = 0;
-    for (int k = 0; k < 8; ++k)
+    for (int k = 0; k < LANES; ++k)
         change = each.lane[k] > change ? each.lane[k] : change;
     return (float)change;
 #else

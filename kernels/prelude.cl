@@ -1,8 +1,8 @@
 /* What every program begins with: number types, multiply-add, and the meaning of a cell's flags.
  *
  * USE_DOUBLE  0 or 1: the real type.
- * LANES       1 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an integer
- *             of the same width. The functions of model, scheme and cell are written for any number of lanes.
+ * LANES       1, 4 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an
+ *             integer of the same width. Strips are written for 8 alone.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
  * ONLY_LOWER  0 or 1: whether values only fall; they may rise by the correction to second order.
  * FUSED       1: multiply-add is the library's; 0: a product and a sum that the compiler contracts, where the former is a
@@ -21,42 +21,28 @@
 
 #if USE_DOUBLE
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
-typedef double real;
+#define REAL double
+#define INTEGER long
 #else
-typedef float real;
+#define REAL float
+#define INTEGER int
 #endif
 
-#if LANES == 8 && USE_DOUBLE
-typedef double8 number;
-typedef long8 integer;
-typedef double8 unaligned __attribute__((aligned(8)));
-#define as_integer as_long8
-#define as_number as_double8
-#define convert_integer convert_long8
-#define convert_number convert_double8
-#elif LANES == 8
-typedef float8 number;
-typedef int8 integer;
-typedef float8 unaligned __attribute__((aligned(4)));
-#define as_integer as_int8
-#define as_number as_float8
-#define convert_integer convert_int8
-#define convert_number convert_float8
-#elif USE_DOUBLE
-typedef double number;
-typedef long integer;
-#define as_integer as_long
-#define as_number as_double
-#define convert_integer convert_long
-#define convert_number convert_double
+#define JOINED(a, b) a##b
+#define JOIN(a, b) JOINED(a, b)
+#if LANES > 1
+#define WIDE(scalar) JOIN(scalar, LANES)
 #else
-typedef float number;
-typedef int integer;
-#define as_integer as_int
-#define as_number as_float
-#define convert_integer convert_int
-#define convert_number convert_float
+#define WIDE(scalar) scalar
 #endif
+
+typedef REAL real;
+typedef WIDE(REAL) number;
+typedef WIDE(INTEGER) integer;
+#define as_integer JOIN(as_, WIDE(INTEGER))
+#define as_number JOIN(as_, WIDE(REAL))
+#define convert_integer JOIN(convert_, WIDE(INTEGER))
+#define convert_number JOIN(convert_, WIDE(REAL))
 
 /* What depends on the direction in which one looks for the neighbours before a cell. At first order all lanes look where
  * the sweep comes from, at second order each looks where its information comes from.
@@ -68,10 +54,11 @@ typedef real sided;
 #endif
 
 /* Vectors at any address. */
-#if LANES == 8
+#if LANES > 1
+typedef number unaligned __attribute__((aligned(sizeof(real))));
 #define LOAD(from) (*(__global const unaligned *)(from))
 #define STORE(to, value) (*(__global unaligned *)(to) = (value))
-#define LOAD_FLAGS(from) convert_integer(vload8(0, (from)))
+#define LOAD_FLAGS(from) convert_integer(JOIN(vload, LANES)(0, (from)))
 #else
 #define LOAD(from) (*(from))
 #define STORE(to, value) (*(to) = (value))
@@ -120,6 +107,8 @@ static inline number root(const number a)
 {
 #if LANES == 8 && BUILTINS
     return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3), ROOT(a.s4), ROOT(a.s5), ROOT(a.s6), ROOT(a.s7));
+#elif LANES == 4 && BUILTINS
+    return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3));
 #else
     return ROOT(a);
 #endif
@@ -152,13 +141,18 @@ static inline number darkness(const number brightness)
 /* Whether the sign bit of any lane is set. */
 static inline int any_sign(const integer bits)
 {
-#if LANES == 8 && USE_DOUBLE
-    const long4 four = bits.lo | bits.hi;
-    const long2 two = four.lo | four.hi;
+#if LANES > 1
+#if LANES == 8
+    const JOIN(INTEGER, 4) four = bits.lo | bits.hi;
+#else
+    const integer four = bits;
+#endif
+    const JOIN(INTEGER, 2) two = four.lo | four.hi;
+#if USE_DOUBLE
     return (two.x | two.y) < 0;
-#elif LANES == 8
-    const int4 four = bits.lo | bits.hi;
-    return (as_ulong(four.lo | four.hi) & 0x8000000080000000UL) != 0;
+#else
+    return (as_ulong(two) & 0x8000000080000000UL) != 0;
+#endif
 #else
     return bits < 0;
 #endif

@@ -1,6 +1,6 @@
 /* A strip of the wavefront: vectors skewed over rows, bit for bit what a scalar loop over the cells gives.
  *
- * A strip is STRIP_ROWS = 8 BANDS rows high. One work-item runs along it; in step t the lane of row r updates column
+ * A strip is STRIP_ROWS = 8 VECTORS rows high. One work-item runs along it; in step t the lane of row r updates column
  * t - r, so that all lanes stand on one anti-diagonal and none reads another's new value of this step:
  *
  *            column  0 1 2 3 4 5 6 7          left of a lane:  its own result of the step before
@@ -12,13 +12,13 @@
  * lanes further up; right and down from the old values two columns ahead, down from two lanes further down. They are
  * loaded REACH columns ahead.
  *
- * Left and up never leave the registers. A band is one vector of 8 rows; several bands a strip hide the latency of the
+ * Left and up never leave the registers. A vector has 8 rows; several of them a strip hide the latency of the
  * square root. Eight steps make a block: eight unaligned loads, one a row and each a column further back, transposed in
  * registers, give the lanes of eight steps, and the results go back the same way. So the arrays stay row-major and in
  * place, for all four directions. They are padded by STRIP_ROWS + 8 columns, and by rows to whole strips and REACH more, on
  * either side; the column table holds its numbers once more in reverse, shape (6, stride).
  */
-#define STRIP_ROWS (8 * BANDS)
+#define STRIP_ROWS (8 * VECTORS)
 #define APART 32 /* from the progress of one strip to that of the next: not in one cache line, nor in a pair of them */
 #define AHEAD 24 /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
 #define LEAD 8   /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
@@ -69,9 +69,9 @@ static inline axis gather_axis(__global const real *table, const int length, con
 
 /* What a strip carries from step to step. */
 typedef struct {
-    number old[REACH][BANDS];    /* old values of the lanes; with reach 2 also to the right of them */
-    number result[REACH][BANDS]; /* new values of the step before; also of the one before that      */
-    axis y[BANDS];               /* of the rows                                                     */
+    number old[REACH][VECTORS];    /* old values of the lanes; with reach 2 also to the right of them */
+    number result[REACH][VECTORS]; /* new values of the step before; also of the one before that      */
+    axis y[VECTORS];               /* of the rows                                                     */
 } lanes;
 
 /* What lanes read beside the strip, on eight steps. */
@@ -96,50 +96,50 @@ typedef struct {
 
 /* One step of a strip: all its lanes. `coming` lies REACH columns ahead. `with_rim` is a constant in each call. */
 static inline __attribute__((always_inline)) void
-run_step(lanes *state, number coming[BANDS][8], number shading[BANDS][8], const int k, const border *above,
+run_step(lanes *state, number coming[VECTORS][8], number shading[VECTORS][8], const int k, const border *above,
          const border *below, __global const real *table, __global const uchar *flags, const course *way,
          const real *parameters, const int with_rim)
 {
-    /* From the last band upwards, so that each finds the old results of the band above it, and of the one below it the
+    /* From the last vector upwards, so that each finds the old results of the vector above it, and of the one below it the
      * values to the right.
      */
-    __attribute__((opencl_unroll_hint(BANDS))) for (int band = BANDS - 1; band >= 0; --band) {
-        const number e = shading[band][k], here = state->old[0][band];
+    __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = VECTORS - 1; vector >= 0; --vector) {
+        const number e = shading[vector][k], here = state->old[0][vector];
         number left[REACH], right[REACH], up[REACH], down[REACH];
         __attribute__((opencl_unroll_hint(REACH))) for (int next = 0; next < REACH; ++next) {
-            left[next] = state->result[next][band];
-            right[next] = next < REACH - 1 ? state->old[next + 1][band] : coming[band][k];
+            left[next] = state->result[next][vector];
+            right[next] = next < REACH - 1 ? state->old[next + 1][vector] : coming[vector][k];
         }
         up[0] = left[0].s00123456;
-        up[0].s0 = band == 0 ? above[NEAR].step[k] : state->result[0][band - 1].s7;
+        up[0].s0 = vector == 0 ? above[NEAR].step[k] : state->result[0][vector - 1].s7;
         down[0] = right[0].s12345677;
-        down[0].s7 = band == BANDS - 1 ? below[NEAR].step[k] : state->old[0][band + 1].s0;
+        down[0].s7 = vector == VECTORS - 1 ? below[NEAR].step[k] : state->old[0][vector + 1].s0;
 #if REACH == 2
         up[1] = left[1].s00012345;
-        up[1].s0 = band == 0 ? above[NEXT].step[k] : state->result[1][band - 1].s6;
-        up[1].s1 = band == 0 ? above[NEAR_TOO].step[k] : state->result[1][band - 1].s7;
+        up[1].s0 = vector == 0 ? above[NEXT].step[k] : state->result[1][vector - 1].s6;
+        up[1].s1 = vector == 0 ? above[NEAR_TOO].step[k] : state->result[1][vector - 1].s7;
         down[1] = right[1].s23456777;
-        down[1].s6 = band == BANDS - 1 ? below[NEAR_TOO].step[k] : state->old[1][band + 1].s0;
-        down[1].s7 = band == BANDS - 1 ? below[NEXT].step[k] : state->old[1][band + 1].s1;
+        down[1].s6 = vector == VECTORS - 1 ? below[NEAR_TOO].step[k] : state->old[1][vector + 1].s0;
+        down[1].s7 = vector == VECTORS - 1 ? below[NEXT].step[k] : state->old[1][vector + 1].s1;
 #endif
-        __global const real *at = table + band * 8;
+        __global const real *at = table + vector * 8;
         const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
-        number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, state->y[band], parameters);
+        number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, state->y[vector], parameters);
 #if RIM_CELLS
         if (with_rim && any_sign(as_integer(e))) {
-            const integer missing = gather_flags(flags + band * 8 * way->skew, way->skew);
+            const integer missing = gather_flags(flags + vector * 8 * way->skew, way->skew);
             const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? right[0] : left[0],
                                          way->leftwards ? left[0] : right[0], way->upwards ? down[0] : up[0],
-                                         way->upwards ? up[0] : down[0], x, state->y[band], parameters);
+                                         way->upwards ? up[0] : down[0], x, state->y[vector], parameters);
             value = as_integer(e) < 0 ? rim : value;
         }
 #endif
         const number result = value < bound_of(here) ? value : here;
         __attribute__((opencl_unroll_hint(REACH))) for (int next = REACH - 1; next >= 0; --next) {
-            state->result[next][band] = next > 0 ? left[next - 1] : result;
-            state->old[next][band] = right[next];
+            state->result[next][vector] = next > 0 ? left[next - 1] : result;
+            state->old[next][vector] = right[next];
         }
-        shading[band][k] = result;
+        shading[vector][k] = result;
     }
 }
 
@@ -210,12 +210,12 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     __global const real *table = column_table + (leftwards ? column : 3 * stride + stride - 1 - column);
 
     lanes state;
-    for (int band = 0; band < BANDS; ++band) {
-        const long first = cell + band * 8 * skew;
-        state.y[band] = gather_axis(row_table, rows, row + (upwards ? -8 * band : 8 * band), upwards ? -1 : 1);
+    for (int vector = 0; vector < VECTORS; ++vector) {
+        const long first = cell + vector * 8 * skew;
+        state.y[vector] = gather_axis(row_table, rows, row + (upwards ? -8 * vector : 8 * vector), upwards ? -1 : 1);
         for (int k = 0; k < REACH; ++k) {
-            state.old[k][band] = gather(log_depth + first + k * column_step, skew);
-            state.result[k][band] = gather(log_depth + first - (k + 1) * column_step, skew);
+            state.old[k][vector] = gather(log_depth + first + k * column_step, skew);
+            state.result[k][vector] = gather(log_depth + first - (k + 1) * column_step, skew);
         }
     }
 
@@ -229,19 +229,19 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
                 return 0;
             }
         }
-        number coming[BANDS][8], shading[BANDS][8];
+        number coming[VECTORS][8], shading[VECTORS][8];
         integer signs = 0;
-        __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
+        __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
             __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r) {
-                const long at = cell + (band * 8 + r) * skew + low;
-                coming[band][r] = LOAD(log_depth + at + REACH * column_step);
-                shading[band][r] = LOAD(brightness + at);
-                signs |= as_integer(shading[band][r]);
+                const long at = cell + (vector * 8 + r) * skew + low;
+                coming[vector][r] = LOAD(log_depth + at + REACH * column_step);
+                shading[vector][r] = LOAD(brightness + at);
+                signs |= as_integer(shading[vector][r]);
                 PREFETCH(log_depth + at + AHEAD * column_step);
                 PREFETCH(brightness + at + AHEAD * column_step);
             }
-            transpose(coming[band]);
-            transpose(shading[band]);
+            transpose(coming[vector]);
+            transpose(shading[vector]);
         }
         border above[BORDERS], below[BORDERS];
         __global const real *first = log_depth + cell, *last = log_depth + cell + (STRIP_ROWS - 1) * skew;
@@ -261,30 +261,30 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
 #endif
         if (RIM_CELLS && any_sign(signs)) {
             /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
-            number coming_copy[BANDS][8], shading_copy[BANDS][8];
-            __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
+            number coming_copy[VECTORS][8], shading_copy[VECTORS][8];
+            __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
                 __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k) {
-                    coming_copy[band][k] = coming[band][k];
-                    shading_copy[band][k] = shading[band][k];
+                    coming_copy[vector][k] = coming[vector][k];
+                    shading_copy[vector][k] = shading[vector][k];
                 }
             __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < 8; ++step) {
                 const int k = leftwards ? 7 - step : step;
                 run_step(&state, coming_copy, shading_copy, k, above, below, table - step,
                          flags + cell + step * column_step, &way, parameters, 1);
             }
-            __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band)
+            __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
                 __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k)
-                    shading[band][k] = shading_copy[band][k];
+                    shading[vector][k] = shading_copy[vector][k];
         } else {
             __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < 8; ++step) {
                 const int k = leftwards ? 7 - step : step;
                 run_step(&state, coming, shading, k, above, below, table - step, flags, &way, parameters, 0);
             }
         }
-        __attribute__((opencl_unroll_hint(BANDS))) for (int band = 0; band < BANDS; ++band) {
-            transpose(shading[band]);
+        __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
+            transpose(shading[vector]);
             __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r)
-                STORE(log_depth + cell + (band * 8 + r) * skew + low, shading[band][r]);
+                STORE(log_depth + cell + (vector * 8 + r) * skew + low, shading[vector][r]);
         }
         cell += 8 * column_step;
         table -= 8;

@@ -75,8 +75,8 @@ def sweeper(
     """The problem on a device, in a variant that can be stepped sweep by sweep."""
     if ordering == "wavefront" and tuning is None:
         on_cpu = device.kind == "cpu"
-        # One band: the lowest strips, so that a small image has several, and the program that compiles fastest.
-        tuning = Tuning("wavefront_strips", 8, 1, device.compute_units) if on_cpu else Tuning("wavefront_tiles")
+        # The lowest strips, so that a small image has several, and the program that compiles fastest.
+        tuning = Tuning("wavefront_strips", 8, 8, device.compute_units) if on_cpu else Tuning("wavefront_tiles")
     return Sweeper(
         device,
         [problem.numbers],

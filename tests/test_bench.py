@@ -24,6 +24,7 @@ from persfs_cl.bench.peers import Peer
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
+from persfs_cl.bench.solutions import FAST_MARCHING
 from persfs_cl.bench.subjects import Subject
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
 from persfs_cl.errors import UnavailableError
@@ -212,11 +213,11 @@ def load(folder: Path) -> dict[str, Any]:
     return content
 
 
-def test_every_experiment_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Every number of bands is a program to compile.
-    monkeypatch.setattr(experiments, "_BANDS", (1, 3))
+def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    settings = ("--quick", "--sizes", "64", "--batch", "1,3", "--repeats", "2", "-o", folder)
+    # Every height, tile and width is a program to compile.
+    few = ("--strip-rows", "8,24", "--tiles", "32x64", "--lanes", "8", "--band-rows", "5", "--work-groups", "1,3")
+    settings = ("--quick", "--sizes", "64", "--batch", "1,3", "--repeats", "2", *few, "-o", folder)
     # Some are called by other tests: in processes of their own, and at the sizes that are claimed.
     elsewhere = ("compilation", "memory", "flash", "reflectance")
     in_process = [name for name in EXPERIMENTS if name not in elsewhere]
@@ -236,6 +237,15 @@ def test_every_experiment_from_the_command_line(tmp_path: Path, monkeypatch: pyt
             assert record.highest is not None
             assert 0 < record.lowest <= record.median <= record.highest
     assert {record.images for record in records if record.experiment == "batch"} == {1, 3}
+    of_upwind = [record for record in records if record.subject.endswith(", upwind")]
+    assert {record.experiment for record in of_upwind} == {"orderings"}
+    assert {record.factor for record in of_upwind} == {None}, "another cell than that of the plain C sweep"
+    tuned = {record.subject for record in records if record.experiment == "tunings"}
+    assert {"wavefront_tiles, 32 × 64", "checkerboard, 8 lanes"} <= tuned
+    if content["header"]["device"]["kind"] == "cpu":
+        strips = {f"wavefront_strips, 8 lanes, rows: {rows}, groups: {groups}" for rows in (8, 24) for groups in (1, 3)}
+        bands = {f"checkerboard_bands, 8 lanes, rows: 5, groups: {groups}" for groups in (1, 3)}
+        assert strips | bands <= tuned
     assert re.search(r"largest error after \d+ iterations, ln z", outcome.stdout)
     header = content["header"]
     assert header["device"]["driver_version"]
@@ -246,6 +256,16 @@ def test_every_experiment_from_the_command_line(tmp_path: Path, monkeypatch: pyt
         assert len(list(csv.DictReader(file))) == len(records)
     for name in pictures:
         assert imageio.v3.imread(folder / name).std() > 1
+
+
+def test_only_the_schemes_asked_for_are_measured(device: ps.Device) -> None:
+    plan = Plan(device, sizes=(16,), batch=(2,), orderings=("wavefront",), schemes=("upwind",), repeats=1)
+    plan = replace(plan, least_seconds=0.0, strip_rows=(8,), tiles=((32, 64),), work_groups=(1,))
+    peers_beside = {PLAIN_C, "numba", "NumPy twin", FAST_MARCHING}
+    for name in ("orderings", "sizes", "batch", "precision", "tunings", "solutions"):
+        subjects = {record.subject for group in EXPERIMENTS[name](plan) for record in group} - peers_beside
+        assert subjects
+        assert all(subject.endswith("upwind") for subject in subjects)
 
 
 def test_errors_are_drawn_as_far_as_they_go(device: ps.Device, tmp_path: Path) -> None:
@@ -322,6 +342,13 @@ def test_nothing_is_written_when_nothing_was_measured(tmp_path: Path, monkeypatc
         ("--batch", "0"),
         ("--orderings", "wavefront,spiral"),
         ("--repeats", "0"),
+        ("--schemes", "weno"),
+        ("--strip-rows", "12"),
+        ("--lanes", "4,5"),
+        ("--band-rows", "0"),
+        ("--work-groups", "two"),
+        ("--tiles", "8x8,9"),
+        ("--tiles", "1000000x8"),
     ],
 )
 def test_a_wrong_option_is_told(option: str, value: str) -> None:

@@ -29,6 +29,7 @@ def handle(name: str, kind: int, version: str, platform: str = "Portable Computi
         single_fp_config=63,
         global_mem_size=2**30,
         max_compute_units=2,
+        max_work_group_size=64,
     )
 
 
@@ -142,6 +143,7 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         ("wavefront_strips", 8),
         ("wavefront_images", 8),
         ("checkerboard", 1),
+        ("checkerboard", 4),
         ("checkerboard", 8),
         ("checkerboard_bands", 8),
     ):

@@ -173,11 +173,11 @@ def test_wavefront_gives_the_bits_of_lexicographic_by_any_kernels(device: Device
         assert_same_bits(random_problem(seed, shape, boundary="wall", **SETUPS[name]), device, precision)
 
 
-# Each number of bands is a program of its own: the lowest, and what CPUs get.
-STRIPS = {(bands, groups): Tuning("wavefront_strips", 8, bands, groups) for bands in (1, 3) for groups in (1, 2, 3, 4)}
-IMAGES = {(bands, groups): Tuning("wavefront_images", 8, bands, groups) for bands in (1, 3) for groups in (1, 3)}
+# Each height is a program of its own: the lowest, and what CPUs get.
+STRIPS = {(rows, groups): Tuning("wavefront_strips", 8, rows, groups) for rows in (8, 24) for groups in (1, 2, 3, 4)}
+IMAGES = {(rows, groups): Tuning("wavefront_images", 8, rows, groups) for rows in (8, 24) for groups in (1, 3)}
 BANDS = [
-    Tuning("checkerboard_bands", 8, 1, groups, polls, rows)
+    Tuning("checkerboard_bands", 8, work_groups=groups, polls=polls, band_rows=rows)
     for rows, groups, polls in ((1, 1, 4000), (2, 2, 4000), (1, 3, 4000), (5, 4, 4000), (3, 2, 1))
 ]
 TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard"), Tuning("lexicographic")
@@ -185,8 +185,8 @@ TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerb
 
 @pytest.mark.parametrize(
     "tuning",
-    [TILES, *STRIPS.values(), *IMAGES.values()],
-    ids=lambda t: f"{t.variant}-{t.bands}x8-{t.work_groups}groups",
+    [TILES, Tuning("wavefront_tiles", tile=(8, 16)), *STRIPS.values(), *IMAGES.values()],
+    ids=lambda t: f"{t.variant}-{t.tile if t.variant == 'wavefront_tiles' else t.strip_rows}-{t.work_groups}groups",
 )
 def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
     """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
@@ -195,7 +195,7 @@ def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision:
 
 
 # Both precisions of these kernels go through strips, above, and of these variants through the test before.
-@pytest.mark.parametrize("tuning", [TILES, IMAGES[3, 3]], ids=lambda t: t.variant)
+@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3]], ids=lambda t: t.variant)
 @pytest.mark.parametrize("name", KERNELS)
 def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
     device: Device, tuning: Tuning, name: str
@@ -203,8 +203,8 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
     assert_tuning_gives_the_bits(device, "float32", tuning, name, largest=60)
 
 
-# Each number of bands is a program of its own, which takes long to compile.
-@pytest.mark.parametrize("tuning", [TILES, IMAGES[3, 3], *(STRIPS[3, groups] for groups in (1, 2, 3, 4))], ids=str)
+# Each height is a program of its own, which takes long to compile.
+@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4))], ids=str)
 def test_tunings_give_the_bits_of_lexicographic_at_second_order(device: Device, precision: str, tuning: Tuning) -> None:
     tuning = replace(tuning, second_order=True)
     assert_tuning_gives_the_bits(device, precision, tuning, "upwind oblique toward", largest=140)
@@ -217,13 +217,13 @@ def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
 ) -> None:
     if real == "float64" and not device.has_float64:
         pytest.skip(f"{device} has no double precision")
-    corrected = replace(STRIPS[1, 2], second_order=True, only_lower=only_lower)
+    corrected = replace(STRIPS[8, 2], second_order=True, only_lower=only_lower)
     assert_tuning_gives_the_bits(device, real, corrected, name, largest=60)
 
 
 def assert_tuning_gives_the_bits(device: Device, precision: str, tuning: Tuning, name: str, *, largest: int) -> None:
     plain = replace(LEXICOGRAPHIC, second_order=tuning.second_order, only_lower=tuning.only_lower)
-    random = np.random.default_rng(len(tuning.variant) + tuning.bands + 10 * tuning.work_groups)
+    random = np.random.default_rng(len(tuning.variant) + tuning.strip_rows // 8 + 10 * tuning.work_groups)
     for seed in range(2):
         height, width = random.integers(1, largest, 2)
         shape = (int(height), int(width) + 1)
@@ -246,7 +246,7 @@ def with_first_order(problem: Problem, device: Device) -> Problem:
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
-@pytest.mark.parametrize("tuning", [Tuning("checkerboard", 8), *BANDS], ids=str)
+@pytest.mark.parametrize("tuning", [Tuning("checkerboard", 4), Tuning("checkerboard", 8), *BANDS], ids=str)
 def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
     device: Device, precision: str, tuning: Tuning
 ) -> None:
@@ -287,11 +287,11 @@ def assert_checkerboard_gives_the_bits_of_cells(
     [
         *[
             (tuning, "frontal away")
-            for tuning in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
+            for tuning in (TILES, STRIPS[8, 3], IMAGES[8, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
         ],
         *[(tuning, "upwind flash") for tuning in BANDS],
-        *[(tuning, name) for tuning in (TILES, IMAGES[3, 3]) for name in ("upwind frontal away", "upwind flash")],
-        (STRIPS[3, 2], "upwind frontal away"),
+        *[(tuning, name) for tuning in (TILES, IMAGES[24, 3]) for name in ("upwind frontal away", "upwind flash")],
+        (STRIPS[24, 2], "upwind frontal away"),
     ],
     ids=str,
 )
@@ -383,7 +383,7 @@ def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int,
     problems = [random_problem(seed, (150, 90 + seed), boundary="wall", **setup) for seed in range(3)]
     if second_order:
         problems = [with_first_order(problem, device) for problem in problems]
-    impatient = Tuning("wavefront_strips", 8, 1, work_groups, polls=1, second_order=second_order)
+    impatient = Tuning("wavefront_strips", 8, 8, work_groups, polls=1, second_order=second_order)
     plain = replace(LEXICOGRAPHIC, second_order=second_order)
     for problem in problems:
         one = sweeper(problem, device, "float32", "lexicographic", tuning=plain)
@@ -394,9 +394,7 @@ def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int,
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
 
-@pytest.mark.parametrize(
-    "tuning", [Tuning("wavefront_strips", lanes=8, bands=1, work_groups=2), BANDS[1]], ids=lambda tuning: tuning.variant
-)
+@pytest.mark.parametrize("tuning", [STRIPS[8, 2], BANDS[1]], ids=lambda tuning: tuning.variant)
 def test_work_left_undone_is_an_error(device: Device, tuning: Tuning) -> None:
     problem = random_problem(1, (40, 40), boundary="wall")
     kernel = sweeper(problem, device, "float32", tuning.variant.split("_")[0], tuning=tuning)

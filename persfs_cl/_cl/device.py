@@ -43,6 +43,8 @@ class Device:
     memory : int
         Global memory in bytes.
     compute_units : int
+    largest_group : int
+        Work-items of a work-group at most.
     """
 
     def __init__(self, index: int, handle: cl.Device) -> None:
@@ -61,6 +63,7 @@ class Device:
         self.has_float64 = bool(handle.double_fp_config)
         self.memory: int = handle.global_mem_size
         self.compute_units: int = handle.max_compute_units
+        self.largest_group: int = handle.max_work_group_size
         self.programs: dict[object, cl.Program] = {}
         self.kernels: dict[object, cl.Kernel] = {}
 

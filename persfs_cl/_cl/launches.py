@@ -196,7 +196,7 @@ class Sweeper:
         }
         scalars = begin + [integer] * integers[self.tuning.variant]
         if self.tuning.variant == "wavefront_strips":
-            strips = -(-height // (8 * self.tuning.bands))
+            strips = -(-height // self.tuning.strip_rows)
             self._strips = self.count * strips
             self._sync_buffer = self._upload(np.zeros(1 + (1 + _APART) * self._strips, np.int32))
             scalars += [None, integer]
@@ -315,7 +315,7 @@ class Sweeper:
             run = (number, count, self._sync_buffer, self._sweeps)
             event = self._sweep(queue, (tuning.work_groups,), (1,), *common, *image, *run)
         else:
-            high, wide = tuning.definitions["TILE_ROWS"], tuning.definitions["TILE_COLUMNS"]
+            high, wide = tuning.tile
             tile_rows, tile_columns = -(-layout.height // high), -(-layout.width // wide)
             event = None
             for diagonal in range(tile_rows + tile_columns - 1):

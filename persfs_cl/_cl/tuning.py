@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.layout import Layout
 
+LANES = (1, 4, 8)
+"""Cells that a work-item may update at once: see kernels/prelude.cl."""
 CPU_LANES = 8
 """Wider vectors divide and take square roots no faster."""
-_BANDS = 3
+_STRIP_ROWS = 3 * CPU_LANES
 _BAND_PIXELS = 4096
 """The bands that a group works on at a time stay in a processor's second-level cache, eight half-sweeps long."""
 _CACHED_PIXELS = 2**20
@@ -29,8 +31,8 @@ class Tuning:
         Kernel file of the sweep.
     lanes : int
         Cells a work-item updates at once.
-    bands : int
-        Vectors a strip of the wavefront is high.
+    strip_rows : int
+        Rows of a strip of the wavefront, whole vectors high.
     work_groups : int
         How many run along strips, or over images or bands, at a time.
     polls : int
@@ -38,6 +40,8 @@ class Tuning:
         lie closer by, take a multiple. Some hundred microseconds.
     band_rows : int
         Rows of a band of the checkerboard.
+    tile : tuple of int
+        Rows and columns of a tile of the wavefront; as many work-items as rows make a work-group.
     second_order : bool
         Correct the differences of the upwind scheme to second order.
     only_lower : bool
@@ -46,10 +50,11 @@ class Tuning:
 
     variant: str
     lanes: int = 1
-    bands: int = 1
+    strip_rows: int = CPU_LANES
     work_groups: int = 1
     polls: int = 4000
     band_rows: int = 1
+    tile: tuple[int, int] = (32, 64)
     second_order: bool = False
     only_lower: bool = False
 
@@ -91,19 +96,19 @@ class Tuning:
                 groups = min(images, groups)
             return cls("checkerboard_bands", CPU_LANES, band_rows=-(-_BAND_PIXELS // shape[1]), work_groups=groups)
         if pixels <= _SMALL_PIXELS or (images >= groups and pixels <= _CACHED_PIXELS):
-            return cls("wavefront_images", CPU_LANES, _BANDS, work_groups=min(images, groups))
-        return cls("wavefront_strips", CPU_LANES, _BANDS, work_groups=groups)
+            return cls("wavefront_images", CPU_LANES, _STRIP_ROWS, work_groups=min(images, groups))
+        return cls("wavefront_strips", CPU_LANES, _STRIP_ROWS, work_groups=groups)
 
     @property
     def definitions(self) -> dict[str, int]:
         """Constants of the program."""
-        sizes = {"TILE_ROWS": 32, "TILE_COLUMNS": 64} if self.variant == "wavefront_tiles" else {}
-        if self.second_order:
-            sizes |= {"REACH": 2, "ONLY_LOWER": int(self.only_lower)}
+        sizes = {"REACH": 2, "ONLY_LOWER": int(self.only_lower)} if self.second_order else {}
         if self.in_strips:
-            sizes |= {"BANDS": self.bands, "POLLS": self.polls}
+            sizes |= {"VECTORS": self.strip_rows // CPU_LANES, "POLLS": self.polls}
         elif self.variant == "checkerboard_bands":
             sizes["POLLS"] = self.polls
+        elif self.variant == "wavefront_tiles":
+            sizes |= {"TILE_ROWS": self.tile[0], "TILE_COLUMNS": self.tile[1]}
         return {"LANES": self.lanes, **sizes}
 
     @property
@@ -131,8 +136,7 @@ class Tuning:
         if not self.in_strips:
             return Layout.padded(shape, margin, margin)
         # The last strip may reach past the image; lanes lean out by a strip's height and a block.
-        strip = 8 * self.bands
-        return Layout.padded(shape, -shape[0] % strip + margin, strip + 8)
+        return Layout.padded(shape, -shape[0] % self.strip_rows + margin, self.strip_rows + CPU_LANES)
 
 
 def _processors() -> int:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
-from persfs_cl._cl.tuning import Tuning
+from persfs_cl._cl.tuning import CPU_LANES, Tuning
 from persfs_cl.bench import fresh
 from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, reflectance
 from persfs_cl.bench.convergence import convergence
-from persfs_cl.bench.plan import Plan
+from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_peer, skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
@@ -23,15 +24,13 @@ from persfs_cl.bench.subjects import (
     steps_by_sweeps,
     sweeper,
     sweeps_alone,
-    swept_cells,
 )
+from persfs_cl.choices import Scheme
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]
 
 _NUMPY_SIZE = 256
 _BATCH_SIZE = 512
-_BANDS = (1, 2, 3, 4)
-_BAND_PIXELS = (2**11, 2**12, 2**13, 2**14)
 _MEMORY_SIZE = 4096
 
 
@@ -39,14 +38,13 @@ def orderings(plan: Plan) -> Iterator[list[Record]]:
     """Orderings and yardsticks side by side, at one size: sweeps alone, and whole iterations."""
     size, precision = plan.size(), plan.precision
     peers, skipped = available("orderings", (PLAIN_C, "numba"), size, precision)
-    problem = smooth_problem(size)
-    grid, cells = problem.numbers, swept_cells(problem)
     subjects = []
-    for ordering in plan.orderings:
-        sweeps = sweeper(plan.device, [grid], ordering, precision)
+    for scheme, ordering in product(plan.schemes_or(SCHEMES), plan.orderings):
+        problem = smooth_problem(size, scheme)
+        sweeps = sweeper(plan.device, [problem], ordering, precision)
         if steps_by_sweeps(sweeps):
-            subjects.append(sweeps_alone(ordering, plan.device, sweeps, cells))
-        subjects.append(iterations(f"{ordering}, iterations", sweeps, cells))
+            subjects.append(sweeps_alone(_named(ordering, scheme), plan.device, sweeps, problem))
+        subjects.append(iterations(_named(f"{ordering}, iterations", scheme), sweeps, problem))
     yield measured(plan, "orderings", size, precision, [*subjects, *peers]) + skipped
     small = plan.size(_NUMPY_SIZE)
     yield measured(plan, "orderings", small, "float64", [numpy_peer(small)])
@@ -56,21 +54,17 @@ def sizes(plan: Plan) -> Iterator[list[Record]]:
     """How the rate of whole iterations depends on the size of the image."""
     for size in plan.edges():
         peers, skipped = available("sizes", (PLAIN_C,), size, plan.precision)
-        yield measured(plan, "sizes", size, plan.precision, [*_iterations(plan, size), *peers]) + skipped
+        subjects = _iterations(plan, size, plan.orderings)
+        yield measured(plan, "sizes", size, plan.precision, [*subjects, *peers]) + skipped
 
 
 def batch(plan: Plan) -> Iterator[list[Record]]:
     """How the rate of whole iterations depends on the number of images that share launches."""
     size = plan.size(_BATCH_SIZE)
-    problem = smooth_problem(size)
-    grid, cells = problem.numbers, swept_cells(problem)
+    shared = [ordering for ordering in plan.orderings if ordering != "lexicographic"]
     for images in plan.batch:
         peers, skipped = available("batch", (PLAIN_C,), size, plan.precision)
-        subjects = [
-            iterations(ordering, sweeper(plan.device, [grid] * images, ordering, plan.precision), cells)
-            for ordering in plan.orderings
-            if ordering != "lexicographic"
-        ]
+        subjects = _iterations(plan, size, shared, images=images)
         yield measured(plan, "batch", size, plan.precision, [*subjects, *peers], images=images) + skipped
 
 
@@ -83,34 +77,44 @@ def precision(plan: Plan) -> Iterator[list[Record]]:
             yield [skip("precision", name, RATE, RATE_UNIT, size, real, reason) for name in plan.orderings]
             continue
         peers, skipped = available("precision", (PLAIN_C,), size, real)
-        subjects = _iterations(replace(plan, precision=real), size)
+        subjects = _iterations(replace(plan, precision=real), size, plan.orderings)
         yield measured(plan, "precision", size, real, [*subjects, *peers]) + skipped
 
 
 def tunings(plan: Plan) -> Iterator[list[Record]]:
-    """The ways in which a device can be made to do the same sweeps: strips, tiles, vectors, work-groups."""
-    size, units = plan.size(), plan.device.compute_units
-    problem = smooth_problem(size)
-    grid, cells = problem.numbers, swept_cells(problem)
-    groups = sorted({1, max(1, units // 2), units})
-    strips = [Tuning("wavefront_strips", 8, bands, count) for bands in _BANDS for count in groups]
-    bands = [
-        Tuning("checkerboard_bands", 8, work_groups=count, band_rows=max(1, pixels // size))
-        for pixels in _BAND_PIXELS
-        for count in groups
-    ]
-    # These are for processors that run a work-group's single item at full speed.
-    vectors = {"wavefront": strips, "checkerboard": bands} if plan.device.kind == "cpu" else {}
-    items = {"wavefront": [Tuning("wavefront_tiles")], "checkerboard": [Tuning("checkerboard", n) for n in (1, 8)]}
-    # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
-    subjects: dict[str, Subject] = {}
-    for ordering, others in items.items():
-        chosen = Tuning.of(plan.device, ordering, (size, size), 1)
-        for tuning in (chosen, *vectors.get(ordering, ()), *others):
-            subject = iterations("", sweeper(plan.device, [grid], ordering, plan.precision, tuning), cells)
-            detail = "chosen" if tuning is chosen else ""
-            subjects.setdefault(subject.detail, replace(subject, name=subject.detail, detail=detail))
-    yield measured(plan, "tunings", size, plan.precision, subjects.values())
+    """The ways in which a device can be made to do the same sweeps: strips, bands, tiles, vectors, work-groups."""
+    size = plan.size()
+    for scheme in plan.schemes_or():
+        problem = smooth_problem(size, scheme)
+        # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
+        subjects: dict[str, Subject] = {}
+        for ordering, candidates in _candidates(plan, size).items():
+            chosen = Tuning.of(plan.device, ordering, (size, size), 1)
+            for tuning in (chosen, *candidates):
+                sweeps = sweeper(plan.device, [problem], ordering, plan.precision, tuning)
+                subject = iterations("", sweeps, problem)
+                name, detail = _named(subject.detail, scheme), "chosen" if tuning is chosen else ""
+                subjects.setdefault(name, replace(subject, name=name, detail=detail))
+        yield measured(plan, "tunings", size, plan.precision, subjects.values())
+
+
+def _candidates(plan: Plan, size: int) -> dict[str, list[Tuning]]:
+    """By ordering, the tunings asked for that it may have on the device."""
+    # Few groups of one item suit processors, which run it at full speed.
+    groups = plan.groups() if plan.device.kind == "cpu" else ()
+    strips = product(plan.strip_rows, groups)
+    bands = product(plan.lanes, plan.heights(size), groups)
+    candidates = {
+        "wavefront": [
+            *(Tuning("wavefront_strips", CPU_LANES, strip_rows=rows, work_groups=count) for rows, count in strips),
+            *(Tuning("wavefront_tiles", tile=tile) for tile in plan.tiles),
+        ],
+        "checkerboard": [
+            *(Tuning("checkerboard_bands", lanes, band_rows=rows, work_groups=count) for lanes, rows, count in bands),
+            *(Tuning("checkerboard", lanes) for lanes in plan.lanes),
+        ],
+    }
+    return {ordering: candidates[ordering] for ordering in plan.orderings if ordering in candidates}
 
 
 def compilation(plan: Plan) -> Iterator[list[Record]]:
@@ -165,13 +169,18 @@ def memory(plan: Plan) -> Iterator[list[Record]]:
     ]
 
 
-def _iterations(plan: Plan, size: int) -> list[Subject]:
-    problem = smooth_problem(size)
-    grid, cells = problem.numbers, swept_cells(problem)
-    return [
-        iterations(ordering, sweeper(plan.device, [grid], ordering, plan.precision), cells)
-        for ordering in plan.orderings
-    ]
+def _iterations(plan: Plan, size: int, orderings: Sequence[str], *, images: int = 1) -> list[Subject]:
+    subjects = []
+    for scheme, ordering in product(plan.schemes_or(), orderings):
+        problem = smooth_problem(size, scheme)
+        sweeps = sweeper(plan.device, [problem] * images, ordering, plan.precision)
+        subjects.append(iterations(_named(ordering, scheme), sweeps, problem))
+    return subjects
+
+
+def _named(subject: str, scheme: Scheme) -> str:
+    """What a subject is called: the scheme is told where it is not that of the plain C sweep."""
+    return subject if scheme == "lax-friedrichs" else f"{subject}, {scheme}"
 
 
 EXPERIMENTS: dict[str, Experiment] = {

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from persfs_cl._cl.device import Device
-from persfs_cl.choices import Ordering, Precision
+from persfs_cl._cl.tuning import LANES
+from persfs_cl.choices import Ordering, Precision, Scheme
 
 STANDARD_SIZES = (128, 256, 512, 1024, 2048, 4096)
 _STANDARD_SIZE = 2048
+SCHEMES: tuple[Scheme, ...] = ("lax-friedrichs", "upwind")
+_BAND_PIXELS = (2**11, 2**13)
 
 
 @dataclass(frozen=True)
@@ -23,19 +26,33 @@ class Plan:
     batch : tuple of int
         Numbers of images that share launches, ascending.
     orderings : tuple of str
+    schemes : tuple of str or None
+        Of :data:`SCHEMES`; None = what is usual for each experiment.
     precision : str
     repeats : int
     least_seconds : float
         How long a single measurement takes at least.
+    strip_rows, lanes : tuple of int
+        Of the experiment on tunings: heights of a strip, and cells that an item of the checkerboard updates at once.
+    tiles : tuple of (int, int)
+        Likewise: rows and columns of a tile.
+    band_rows, work_groups : tuple of int or None
+        Likewise: heights of a band, and how many groups run side by side; None = what suits image and device.
     """
 
     device: Device
     sizes: tuple[int, ...] | None = None
     batch: tuple[int, ...] = (1, 4, 16, 64)
     orderings: tuple[Ordering, ...] = ("wavefront", "checkerboard", "lexicographic")
+    schemes: tuple[Scheme, ...] | None = None
     precision: Precision = "float32"
     repeats: int = 5
     least_seconds: float = 0.05
+    strip_rows: tuple[int, ...] = (8, 16, 24, 32)
+    lanes: tuple[int, ...] = LANES
+    tiles: tuple[tuple[int, int], ...] = ((16, 64), (32, 64), (64, 64))
+    band_rows: tuple[int, ...] | None = None
+    work_groups: tuple[int, ...] | None = None
 
     def edges(self, usual: tuple[int, ...] = STANDARD_SIZES) -> tuple[int, ...]:
         """The sizes asked for, or else the usual ones."""
@@ -45,3 +62,15 @@ class Plan:
         """`wanted`; where sizes are asked for, the largest that is no larger, or else the smallest."""
         sizes = self.edges((wanted,))
         return max((size for size in sizes if size <= wanted), default=min(sizes))
+
+    def schemes_or(self, usual: tuple[Scheme, ...] = SCHEMES[:1]) -> tuple[Scheme, ...]:
+        """The schemes asked for, or else the usual ones."""
+        return self.schemes or usual
+
+    def groups(self) -> tuple[int, ...]:
+        """How many groups run side by side: as asked for, or one, and as many as the device has units."""
+        return self.work_groups or tuple(sorted({1, self.device.compute_units}))
+
+    def heights(self, width: int) -> tuple[int, ...]:
+        """Rows of the bands of an image so wide: as asked for, or of a few thousand pixels."""
+        return self.band_rows or tuple(sorted({max(1, pixels // width) for pixels in _BAND_PIXELS}))

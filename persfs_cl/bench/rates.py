@@ -25,7 +25,7 @@ YARDSTICKS = (*_MAKERS, _NUMPY)
 def measured(
     plan: Plan, experiment: str, size: int, precision: str, subjects: Iterable[Subject], *, images: int = 1
 ) -> list[Record]:
-    """Rates of subjects that take turns; each beside that of the plain C sweep if that is among them."""
+    """Rates of subjects that take turns; beside that of the plain C sweep, if that is among them and does the same."""
     listed = list(subjects)
     timings = timed(plan, listed)
     baseline = timings.get(PLAIN_C)
@@ -36,7 +36,7 @@ def measured(
         rates = timing.rates(1e-6 * subject.cells)
         on_device = timing.device_rates(1e-6 * subject.cells)
         factor = None
-        if baseline:
+        if baseline and subject.like_plain_c:
             pairs = zip(rates, baseline.rates(1e-6 * cells[PLAIN_C]), strict=True)
             factor = statistics.median(rate / plain for rate, plain in pairs)
         records.append(

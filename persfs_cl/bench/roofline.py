@@ -16,7 +16,6 @@ from persfs_cl.bench.subjects import (
     steps_by_sweeps,
     sweeper,
     sweeps_alone,
-    swept_cells,
 )
 from persfs_cl.bench.timing import Work, take_turns
 
@@ -40,7 +39,6 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     size, device = plan.size(), plan.device
     itemsize = np.dtype(plan.precision).itemsize
     problem = smooth_problem(size)
-    grid, cells = problem.numbers, swept_cells(problem)
     arrays = {
         "copy, as large as the image": -(-size * size * itemsize // 64) * 64,
         "copy, 256 MiB": min(_LARGE_COPY, device.memory // 1024 * 64),
@@ -50,10 +48,10 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     works["multiply-adds"] = _on_device(plan, multiply)
     subjects: dict[str, Subject] = {}
     for ordering in plan.orderings:
-        sweeps = sweeper(device, [grid], ordering, plan.precision)
+        sweeps = sweeper(device, [problem], ordering, plan.precision)
         alone = steps_by_sweeps(sweeps)
         subjects[ordering] = (
-            sweeps_alone(ordering, device, sweeps, cells) if alone else iterations(ordering, sweeps, cells)
+            sweeps_alone(ordering, device, sweeps, problem) if alone else iterations(ordering, sweeps, problem)
         )
         works[ordering] = subjects[ordering].work
     timings = take_turns(works, repeats=plan.repeats, least_seconds=plan.least_seconds, step=_STEP)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import persfs_cl as ps
-from persfs_cl.bench.plan import Plan
+from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.timing import Timing, take_turns
@@ -62,8 +62,11 @@ def solutions(plan: Plan) -> Iterator[list[Record]]:
     """
     for size in [size for size in plan.edges() if size <= plan.size(_LARGEST_SIZE)]:
         scene = ps.bump((size, size))
-        solvers: dict[str, Solver] = {"upwind": partial(_reconstruct, plan, scene, "wavefront", scheme="upwind")}
-        if size <= plan.size(_LARGEST_LAX_FRIEDRICHS):
+        solvers: dict[str, Solver] = {}
+        schemes = plan.schemes_or(SCHEMES)
+        if "upwind" in schemes:
+            solvers["upwind"] = partial(_reconstruct, plan, scene, "wavefront", scheme="upwind")
+        if "lax-friedrichs" in schemes and size <= plan.size(_LARGEST_LAX_FRIEDRICHS):
             solvers |= {
                 ordering: partial(_reconstruct, plan, scene, ordering)
                 for ordering in plan.orderings

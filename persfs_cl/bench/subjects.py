@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.launches import Sweeper
 from persfs_cl._cl.probes import device_seconds
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench.timing import Work
@@ -41,6 +41,8 @@ class Subject:
         How it is done.
     step : int
         Sweeps are done in multiples of this.
+    like_plain_c : bool
+        Whether a cell is updated by the formula of the plain C sweep, so that rates may be set beside its rate.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Subject:
     cells: int
     detail: str
     step: int = 4
+    like_plain_c: bool = True
 
 
 def smooth_image(size: int) -> NDArray[np.float64]:
@@ -56,10 +59,12 @@ def smooth_image(size: int) -> NDArray[np.float64]:
     return 0.75 + 0.2 * wave[:, None] * wave
 
 
-def smooth_problem(size: int) -> Problem:
+def smooth_problem(size: int, scheme: str = "lax-friedrichs") -> Problem:
     """That image with a known frame: every other pixel is swept."""
     image, camera, model = smooth_image(size), Camera(float(size)), Model.of(_LIGHT, Lambertian())
-    return prepare(image, camera, None, None, None, model, "lax-friedrichs", "away", "fixed", _MAX_SLOPE)
+    frame = np.full((size, size), np.nan)
+    frame[[0, -1]] = frame[:, [0, -1]] = 1.0
+    return prepare(image, camera, None, None, frame, model, scheme, "away", "fixed", _MAX_SLOPE)
 
 
 def swept_cells(problem: Problem) -> int:
@@ -69,16 +74,16 @@ def swept_cells(problem: Problem) -> int:
 
 def sweeper(
     device: Device,
-    grids: Sequence[Grid],
+    problems: Sequence[Problem],
     ordering: str,
     precision: str,
     tuning: Tuning | None = None,
 ) -> Sweeper:
-    """The images on the device; they never rest."""
+    """Images of one model and scheme on the device; they never rest."""
     return Sweeper(
         device,
-        grids,
-        model=("parallel_light", "lax_friedrichs"),
+        [problem.numbers for problem in problems],
+        model=problems[0].model.kernels_with(problems[0].scheme),
         ordering=ordering,
         precision=precision,
         tolerance=_NEVER,
@@ -86,24 +91,30 @@ def sweeper(
     )
 
 
-def iterations(name: str, sweeps: Sweeper, cells: int) -> Subject:
-    """Whole iterations: four sweeps and the search for the largest change, queued together as when solving."""
+def iterations(name: str, sweeps: Sweeper, problem: Problem) -> Subject:
+    """Whole iterations on images like this one, queued as when solving: four sweeps and the search for the change."""
 
     def work(count: int) -> float:
         before = sweeps.kernel_seconds
         sweeps.run(max(1, count // 4))
         return sweeps.kernel_seconds - before
 
-    return Subject(name, work, cells * sweeps.count, described(sweeps.tuning), step=4 * sweeps.queued_at_least)
+    return _subject(name, work, sweeps, problem, step=4 * sweeps.queued_at_least)
 
 
-def sweeps_alone(name: str, device: Device, sweeps: Sweeper, cells: int) -> Subject:
-    """Sweeps in all four directions in turn, and nothing else."""
+def sweeps_alone(name: str, device: Device, sweeps: Sweeper, problem: Problem) -> Subject:
+    """Sweeps of images like this one, in all four directions in turn, and nothing else."""
 
     def work(count: int) -> float:
         return device_seconds(device, lambda: [sweeps.sweep_in_turn() for _ in range(count // 4)])
 
-    return Subject(name, work, cells * sweeps.count, described(sweeps.tuning))
+    return _subject(name, work, sweeps, problem, step=4)
+
+
+def _subject(name: str, work: Work, sweeps: Sweeper, problem: Problem, *, step: int) -> Subject:
+    like_plain_c = problem.scheme == "lax-friedrichs"
+    cells = swept_cells(problem) * sweeps.count
+    return Subject(name, work, cells, described(sweeps.tuning), step=step, like_plain_c=like_plain_c)
 
 
 def steps_by_sweeps(sweeps: Sweeper) -> bool:
@@ -117,9 +128,11 @@ def described(tuning: Tuning) -> str:
     if tuning.lanes > 1:
         parts.append(f"{tuning.lanes} lanes")
     if tuning.in_strips:
-        parts.append(f"bands: {tuning.bands}")
+        parts.append(f"rows: {tuning.strip_rows}")
     if tuning.variant == "checkerboard_bands":
         parts.append(f"rows: {tuning.band_rows}")
+    if tuning.variant == "wavefront_tiles":
+        parts.append("{} × {}".format(*tuning.tile))
     if tuning.variant in ("wavefront_strips", "wavefront_images", "checkerboard_bands"):
         parts.append(f"groups: {tuning.work_groups}")
     return ", ".join(parts)

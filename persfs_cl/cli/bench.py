@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -13,8 +14,9 @@ import typer
 from rich.console import Console
 
 from persfs_cl._cl.device import select_device
+from persfs_cl._cl.tuning import CPU_LANES, LANES
 from persfs_cl.bench.experiments import EXPERIMENTS
-from persfs_cl.bench.plan import STANDARD_SIZES, Plan
+from persfs_cl.bench.plan import SCHEMES, STANDARD_SIZES, Plan
 from persfs_cl.bench.plots import draw
 from persfs_cl.bench.report import table
 from persfs_cl.bench.results import Record, write_csv, write_json
@@ -29,8 +31,14 @@ from persfs_cl.page import CIRCUMSTANCES, fill_page, marked, read_page
 _Choice = TypeVar("_Choice", bound=str)
 
 _ORDERINGS = Plan.orderings
+_TUNINGS = "Of the experiment tunings"
 _QUICK_SIZES, _QUICK_BATCH = (128, 256), (1, 4)
 _QUICK_REPEATS, _QUICK_SECONDS = 3, 0.01
+
+
+def _listed(values: Iterable[object]) -> str:
+    """As an option's value."""
+    return ",".join(map(str, values))
 
 
 def bench(
@@ -44,7 +52,7 @@ def bench(
         str | None,
         typer.Option(
             metavar="PX,...",
-            help=f"Edges of square images; times unless given at {','.join(map(str, STANDARD_SIZES))}, errors at sizes"
+            help=f"Edges of square images; times unless given at {_listed(STANDARD_SIZES)}, errors at sizes"
             " of their own.",
         ),
     ] = None,
@@ -52,11 +60,19 @@ def bench(
         str | None,
         typer.Option(
             metavar="N,...",
-            help=f"Numbers of images that share launches; {','.join(map(str, Plan.batch))} unless given.",
+            help=f"Numbers of images that share launches; {_listed(Plan.batch)} unless given.",
         ),
     ] = None,
     orderings: Annotated[
         str | None, typer.Option(metavar="NAME,...", help=f"Of {', '.join(_ORDERINGS)}; all unless given.")
+    ] = None,
+    schemes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help=f"Of {', '.join(SCHEMES)}; unless given both where orderings and solutions are compared, elsewhere"
+            f" {SCHEMES[0]}.",
+        ),
     ] = None,
     repeats: Annotated[
         int | None, typer.Option(min=1, help=f"Measurements of each thing; {Plan.repeats} unless given.")
@@ -76,6 +92,50 @@ def bench(
             " these are all its tables; may be given several times.",
         ),
     ] = None,
+    strip_rows: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,...",
+            help=f"Heights of a strip of the wavefront, multiples of {CPU_LANES}; {_listed(Plan.strip_rows)} unless"
+            " given.",
+            rich_help_panel=_TUNINGS,
+        ),
+    ] = None,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NxN,...",
+            help=f"Rows and columns of a tile of the wavefront; {_listed('x'.join(map(str, t)) for t in Plan.tiles)}"
+            " unless given.",
+            rich_help_panel=_TUNINGS,
+        ),
+    ] = None,
+    band_rows: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,...",
+            help="Heights of a band of the checkerboard; of some thousand pixels unless given.",
+            rich_help_panel=_TUNINGS,
+        ),
+    ] = None,
+    lanes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,...",
+            help=f"Widths of the vectors of the checkerboard, of {_listed(LANES)}; all unless given. Those of the"
+            f" wavefront's strips are {CPU_LANES} wide.",
+            rich_help_panel=_TUNINGS,
+        ),
+    ] = None,
+    work_groups: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,...",
+            help="How many work-groups run along strips or over bands; one, and as many as the device has units, unless"
+            " given.",
+            rich_help_panel=_TUNINGS,
+        ),
+    ] = None,
     device: DeviceOption = None,
     precision: PrecisionOption = "float32",
 ) -> None:
@@ -88,14 +148,21 @@ def bench(
     pages = page or []
     for each in pages:
         check_page(each, quick=quick, wanted=markers(experiments), known=markers(EXPERIMENTS))
+    chosen = select_device(device)
     plan = Plan(
-        device=select_device(device),
+        device=chosen,
         sizes=_numbers("--sizes", sizes, least=8) or (_QUICK_SIZES if quick else None),
         batch=_numbers("--batch", batch, least=1) or (_QUICK_BATCH if quick else Plan.batch),
         orderings=_ORDERINGS if orderings is None else _known("--orderings", orderings.split(","), _ORDERINGS),
+        schemes=None if schemes is None else _known("--schemes", schemes.split(","), SCHEMES),
         precision=precision,
         repeats=repeats or (_QUICK_REPEATS if quick else Plan.repeats),
         least_seconds=_QUICK_SECONDS if quick else Plan.least_seconds,
+        strip_rows=_numbers("--strip-rows", strip_rows, least=CPU_LANES, multiple=CPU_LANES) or Plan.strip_rows,
+        tiles=_tiles("--tiles", tiles, most_rows=chosen.largest_group) or Plan.tiles,
+        band_rows=_numbers("--band-rows", band_rows, least=1),
+        lanes=_numbers("--lanes", lanes, choices=LANES) or Plan.lanes,
+        work_groups=_numbers("--work-groups", work_groups, least=1),
     )
     plan.device.real(precision)
     check_folder(output, overwrite=True)
@@ -158,18 +225,36 @@ def _measuring(name: str) -> Iterator[None]:
         yield
 
 
-def _numbers(option: str, text: str | None, *, least: int) -> tuple[int, ...] | None:
+def _numbers(
+    option: str, text: str | None, *, least: int = 1, multiple: int = 1, choices: Sequence[int] = ()
+) -> tuple[int, ...] | None:
+    """Whole numbers, ascending, each once."""
     if text is None:
         return None
     try:
         numbers = sorted({int(part) for part in text.split(",")})
     except ValueError:
         numbers = []
-    if not numbers or numbers[0] < least:
-        raise typer.BadParameter(
-            f"{text!r} is not a list of whole numbers, {least} or more, as in 128,512.", param_hint=f"'{option}'"
-        )
+    allowed = f"of {_listed(choices)}" if choices else f"{least} or more"
+    if multiple > 1:
+        allowed += f", each a multiple of {multiple}"
+    if not numbers or any(
+        number < least or number % multiple or (choices and number not in choices) for number in numbers
+    ):
+        raise typer.BadParameter(f"{text!r} is not a list of whole numbers, {allowed}.", param_hint=f"'{option}'")
     return tuple(numbers)
+
+
+def _tiles(option: str, text: str | None, *, most_rows: int) -> tuple[tuple[int, int], ...] | None:
+    """Pairs of rows and columns."""
+    if text is None:
+        return None
+    matches = [re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", part.strip()) for part in text.split(",")]
+    tiles = tuple((int(match[1]), int(match[2])) for match in matches if match)
+    if not all(matches) or max(rows for rows, _ in tiles) > most_rows:
+        message = f"{text!r} is not a list of rows and columns, up to {most_rows} rows, as in 32x64,64x64."
+        raise typer.BadParameter(message, param_hint=f"'{option}'")
+    return tiles
 
 
 def _known(option: str, names: list[str], choices: tuple[_Choice, ...]) -> tuple[_Choice, ...]:
