@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from test_cli import run
 
 import persfs_cl as ps
-from persfs_cl.bench import accuracy, experiments
+from persfs_cl.bench import accuracy, alternatives, experiments
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
@@ -119,6 +120,25 @@ def test_errors_are_grouped_by_scheme(device: ps.Device) -> None:
         [scenes[0], "Lax-Friedrichs", "0.0068 (3)", "", ""],
         [scenes[1], "Lax-Friedrichs", "", "1.0 (3)", ""],
         [scenes[0], "upwind", "0.0012 (3)", "0.0000010 (3)", "0.97"],
+    ]
+
+
+def test_schemes_that_were_tried_stand_beside_those_taken(device: ps.Device) -> None:
+    schemes = (*accuracy.SCHEMES, alternatives.WENO)
+
+    def error(scheme: str, size: int, detail: str = "") -> Record:
+        name = accuracy.subject("bump, 8 bits", scheme)
+        return rate(name, 0.0123, experiment="weno", quantity=accuracy.ERROR, size=size, iteration=7, detail=detail)
+
+    records = [error(scheme, 50) for scheme in schemes]
+    records += [error(scheme, 100) for scheme in accuracy.SCHEMES]
+    records.append(error(alternatives.WENO, 100, alternatives.NOT_SETTLED))
+    records += [replace(error(scheme, 200, "skipped: none"), median=None) for scheme in schemes]
+    assert table(records, "weno", device) == [
+        ["photograph", "pixels", *schemes],
+        ["bump, 8 bits", "50²", *["0.012 (7)"] * 4],
+        ["bump, 8 bits", "100²", *["0.012 (7)"] * 3, "0.012 (7, not settled)"],
+        ["bump, 8 bits", "200²", *["skipped: none"] * 4],
     ]
 
 

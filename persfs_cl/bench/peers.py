@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import importlib.metadata
 import os
 import shlex
 import shutil
@@ -112,13 +113,24 @@ def _arrays(grid: Grid, precision: str) -> list[NDArray[np.floating]]:
     return [np.array(array, precision, order="C") for array in given]
 
 
-@functools.cache
-def _jitted() -> tuple[Any, str]:
+def compiled_by_numba(function: Callable[..., Any]) -> Any:
+    """The function, to be compiled by numba on its first call.
+
+    Raises
+    ------
+    UnavailableError
+        When numba is not installed.
+    """
     try:
         import numba
     except ImportError as error:
         raise UnavailableError(f"numba cannot be imported ({error}): pip install 'persfs-cl[bench]'.") from error
-    return numba.njit(lexicographic.sweep), f"numba {numba.__version__}"
+    return numba.njit(function)
+
+
+@functools.cache
+def _jitted() -> tuple[Any, str]:
+    return compiled_by_numba(lexicographic.sweep), f"numba {importlib.metadata.version('numba')}"
 
 
 @functools.cache

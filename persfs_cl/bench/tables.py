@@ -7,6 +7,7 @@ from decimal import Decimal
 from typing import Any
 
 from persfs_cl.bench import accuracy as exact
+from persfs_cl.bench.alternatives import WENO
 from persfs_cl.bench.convergence import ELAPSED
 from persfs_cl.bench.rates import PLAIN_C, RATE_UNIT
 from persfs_cl.bench.report import number
@@ -206,6 +207,17 @@ def _ambiguity(records: Records) -> str:
     return markdown_table(("material", "pixels", exact.ERROR, exact.GREY_ERROR), cells, words=1)
 
 
+def _weno(records: Records) -> str:
+    rows: dict[tuple[str, str], list[str]] = {}
+    for record in records:
+        photograph, _, _scheme = record.subject.partition(": ")
+        after = ", ".join(filter(None, (str(record.iteration), record.detail)))
+        cell = record.detail if record.median is None else f"{two_digits(record.median)} ({after})"
+        rows.setdefault((photograph, _pixels(record)), []).append(cell)
+    header = ("photograph", "pixels", *exact.SCHEMES, WENO)
+    return markdown_table(header, [(*place, *cells) for place, cells in rows.items()], words=1)
+
+
 _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "orderings": ("orderings", _orderings),
     "sizes": ("sizes", _sizes),
@@ -223,5 +235,6 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "flash-materials": ("reflectance", _flash_materials),
     "parallel-materials": ("reflectance", _parallel_materials),
     "ambiguity": ("ambiguity", _ambiguity),
+    "weno": ("weno", _weno),
 }
 """By the name of the marker: the experiment whose records a table shows, and what makes it of them."""
