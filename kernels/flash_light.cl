@@ -61,16 +61,16 @@ static inline number least_gradient(const number brightness, const number gradie
 }
 
 /* P_c along one axis: the middle of the gradients of any steepness. */
-static inline number middle_gradient(const number brightness, const number x, const number y, const int along_y,
-                                     const real *parameters)
+static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
+                                     const int along_y, const real *parameters)
 {
     const number inverse_ray = (number)1 / multiply_add(x, x, multiply_add(y, y, (number)1));
     return -(along_y ? y : x) * inverse_ray;
 }
 
 /* The normal of the ellipse through P, A (P - P_c). */
-static inline slopes outward_normal(const number brightness, const number p, const number q, const number x,
-                                    const number y, const real *parameters)
+static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
+                                    const number x, const number y, const real *parameters)
 {
     const number radial = multiply_add(x, p, multiply_add(y, q, (number)1));
     const slopes normal = {multiply_add(x, radial, p), multiply_add(y, radial, q)};

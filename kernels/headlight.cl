@@ -20,12 +20,18 @@ static inline number square_ray(const number x, const number y)
     return multiply_add(x, x, multiply_add(y, y, (number)1));
 }
 
-/* The ellipse {P : H(P) <= 0}, as in parallel_light.cl; nothing depends on where the light is. */
+/* The ellipse {P : H(P) <= 0}, as in light_cone.cl; the light needs no direction. */
 typedef struct {
     number xx, xy, yy, x, y, free;
 } conic;
+typedef int direction;
 
-static inline conic lit_gradients(const number dark, const number x, const number y, const real *parameters)
+static inline direction light_at(const real *parameters)
+{
+    return 0;
+}
+
+static inline conic lit_gradients(const number dark, const number x, const number y, const direction light)
 {
     const number scale = ((number)1 - dark) * square_ray(x, y), none = (number)0;
     const conic result = {multiply_add(scale * x, x, scale), scale * x * y, multiply_add(scale * y, y, scale), none, none,
@@ -35,22 +41,22 @@ static inline conic lit_gradients(const number dark, const number x, const numbe
 
 /* The largest p in it, or q, which is also the largest -p or -q. */
 static inline number steepest_climb(const number dark, const number x, const number y, const int along_y,
-                                    const sided turn, const real *parameters)
+                                    const sided turn, const direction light)
 {
     const number along = along_y ? y : x, across = along_y ? x : y;
     return root(dark / ((number)1 - dark) * multiply_add(across, across, (number)1)) / square_ray(along, across);
 }
 
 /* Its centre. */
-static inline number middle_gradient(const number brightness, const number x, const number y, const int along_y,
-                                     const real *parameters)
+static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
+                                     const int along_y, const real *parameters)
 {
     return (number)0;
 }
 
 /* Its normal through P, A P. */
-static inline slopes outward_normal(const number brightness, const number p, const number q, const number x,
-                                    const number y, const real *parameters)
+static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
+                                    const number x, const number y, const real *parameters)
 {
     const number radial = multiply_add(x, p, y * q);
     const slopes normal = {multiply_add(x, radial, p), multiply_add(y, radial, q)};
@@ -58,8 +64,7 @@ static inline slopes outward_normal(const number brightness, const number p, con
 }
 
 /* All that the camera sees is lit. */
-static inline number lit_side(const number p, const number q, const number x, const number y,
-                              const real *parameters)
+static inline number lit_side(const number p, const number q, const number x, const number y, const direction light)
 {
     return (number)1;
 }

@@ -10,112 +10,25 @@
 #define LIGHT_Q0 (FIRST_MODEL_PARAMETER + 1)
 #define LIGHT_INVERSE_NORM (FIRST_MODEL_PARAMETER + 2) /* 1 / k, k = sqrt(1 + p0^2 + q0^2) */
 
-/* For the upwind scheme the unknown is not Z but Z + ln f, f = 1 + p0 x + q0 y, which is level where the surface faces the
- * light. P is the gradient of that in what follows. Then 0 is always among the gradients {P : H(P) <= 0} of surfaces at
- * least as bright as the pixel, so that a value never falls from one cell to the next and back: no loops without end. With
- * dark = 1 - E^2, the square of the sine between normal and light, these gradients are a conic
- *
- *     xx p^2 + 2 xy p q + yy q^2 + 2 x p + 2 y q + free <= 0,        n >= 0
- *
- * whose last three coefficients are proportional to dark: no small difference of large numbers where the surface faces the
- * light.
+/* For the upwind scheme the unknown is not Z but Z + ln f, as in light_cone.cl: so a value never falls from one cell to the
+ * next and back, and there are no loops without end.
  */
-typedef struct {
-    number xx, xy, yy, x, y, free;
-} conic;
-
-/* f */
-static inline number facing_ray(const number x, const number y, const real *parameters)
+static inline direction light_at(const real *parameters)
 {
-    return multiply_add(x, parameters[LIGHT_P0], multiply_add(y, parameters[LIGHT_Q0], (number)1));
+    const direction light = {parameters[LIGHT_P0], parameters[LIGHT_Q0], parameters[LIGHT_INVERSE_NORM]};
+    return light;
 }
 
-static inline conic lit_gradients(const number dark, const number x, const number y, const real *parameters)
+static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
+                                     const int along_y, const real *parameters)
 {
-    const real light_x = parameters[LIGHT_P0], light_y = parameters[LIGHT_Q0];
-    const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
-    const number a = (x - light_x) * inverse_norm, b = (y - light_y) * inverse_norm, bright = (number)1 - dark;
-    const number per_facing = (number)1 / facing_ray(x, y, parameters), pull = dark * per_facing;
-    const number length = pull * per_facing * (1 / (inverse_norm * inverse_norm));
-    const conic result = {
-        multiply_add(bright * x, x, bright - a * a),
-        bright * x * y - a * b,
-        multiply_add(bright * y, y, bright - b * b),
-        (light_x - x) * pull,
-        (light_y - y) * pull,
-        -length,
-    };
-    return result;
+    return middle_of_set(darkness(brightness), x, y, along_y, light_at(parameters));
 }
 
-/* The quadratic in p whose roots are the ends of that set along one axis: bend p^2 - 2 tilt p - rest = 0.
- *
- * Seen from the pixel, the brighter normals form a circular cone around the direction to the light; its two tangent
- * planes that contain the other axis lie at the roots. `spread` is tilt^2 + bend rest.
- */
-typedef struct {
-    number bend, tilt, rest, spread;
-} extent;
-
-static inline extent extent_along(const number dark, const number x, const number y, const int along_y,
-                                  const real *parameters)
+static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
+                                    const number x, const number y, const real *parameters)
 {
-    const number along = along_y ? y : x, across = along_y ? x : y;
-    const real light_along = parameters[along_y ? LIGHT_Q0 : LIGHT_P0];
-    const real light_across = parameters[along_y ? LIGHT_P0 : LIGHT_Q0];
-    const real inverse_norm = parameters[LIGHT_INVERSE_NORM];
-    const number f = multiply_add(along, light_along, multiply_add(across, light_across, (number)1));
-    const number facing = f * inverse_norm, shift = light_along / f;
-    const number apart = multiply_add(across, across, (number)1), ray = multiply_add(along, along, apart);
-    /* From the axis and the pixel's ray, the direction along which the surface facing the light does not change. */
-    const number radial = multiply_subtract_from(along, shift, ray);
-    const number square = multiply_subtract_from((number)1, shift, along + radial);
-    const number lit = facing * facing * square;
-    const extent result = {multiply_subtract_from(facing * facing, dark, ray), dark * radial, dark * square,
-                           dark * multiply_subtract_from(lit, dark, apart)};
-    return result;
-}
-
-/* The largest p in that set, with `along_y` the largest q, very large where there is none; with `turn` -1 the largest -p
- * or -q. Of two forms of the root the one in which nothing cancels.
- */
-static inline number steepest_climb(const number dark, const number x, const number y, const int along_y,
-                                    const sided turn, const real *parameters)
-{
-    const extent ends = extent_along(dark, x, y, along_y, parameters);
-    const number square_root = root(most(ends.spread, (number)0)), tilt = turn * ends.tilt;
-    const number above = tilt < (number)0 ? ends.rest : tilt + square_root;
-    const number below = tilt < (number)0 ? square_root - tilt : ends.bend;
-    /* Written so that a NaN stays one. */
-    const number climb = below <= (number)0 ? (number)NOWHERE : above / below;
-    return ends.spread < (number)0 ? (number)NOWHERE : climb;
-}
-
-/* Middle between the largest and the smallest p of that set, or with `along_y` of q; 0 where it is unbounded. */
-static inline number middle_gradient(const number brightness, const number x, const number y, const int along_y,
-                                     const real *parameters)
-{
-    const extent ends = extent_along(darkness(brightness), x, y, along_y, parameters);
-    return ends.bend > (number)0 ? ends.tilt / ends.bend : (number)0;
-}
-
-/* The normal of the conic through P, pointing outwards: where the information at a pixel comes from, reversed. */
-static inline slopes outward_normal(const number brightness, const number p, const number q, const number x,
-                                    const number y, const real *parameters)
-{
-    const conic lit = lit_gradients(darkness(brightness), x, y, parameters);
-    const slopes normal = {lit.xx * p + lit.xy * q + lit.x, lit.xy * p + lit.yy * q + lit.y};
-    return normal;
-}
-
-/* n, the sign of which tells the lit side from the other; times f. */
-static inline number lit_side(const number p, const number q, const number x, const number y,
-                              const real *parameters)
-{
-    const real light_x = parameters[LIGHT_P0], light_y = parameters[LIGHT_Q0];
-    const number f = facing_ray(x, y, parameters);
-    const number square = (number)(1 + light_x * light_x + light_y * light_y);
-    return multiply_add(f, multiply_add(x - light_x, p, (y - light_y) * q), square);
+    return normal_of_set(darkness(brightness), p, q, x, y, light_at(parameters));
 }
 
 /* S */

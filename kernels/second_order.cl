@@ -33,13 +33,13 @@ static inline number value_of(const number brightness, const number here, const 
                               const axis y, const real *parameters)
 {
     const real dx = 1 / (2 * to_p), dy = 1 / (2 * to_q);
-    const number rise_x = dx * middle_gradient(brightness, x.coordinate, y.coordinate, 0, parameters);
-    const number rise_y = dy * middle_gradient(brightness, x.coordinate, y.coordinate, 1, parameters);
+    const number rise_x = dx * middle_gradient(brightness, here, x.coordinate, y.coordinate, 0, parameters);
+    const number rise_y = dy * middle_gradient(brightness, here, x.coordinate, y.coordinate, 1, parameters);
     /* Which quadrant the information comes from the normal of the level set tells, at central differences. A missing
      * neighbour is very high, so that the other is taken for the one upwind.
      */
-    const slopes normal = outward_normal(brightness, (right[0] - left[0]) * to_p, (down[0] - up[0]) * to_q, x.coordinate,
-                                         y.coordinate, parameters);
+    const slopes normal = outward_normal(brightness, here, (right[0] - left[0]) * to_p, (down[0] - up[0]) * to_q,
+                                         x.coordinate, y.coordinate, parameters);
     number turn_x = to_p * normal.p < (number)0 ? (number)-1 : (number)1;
     number turn_y = to_q * normal.q < (number)0 ? (number)-1 : (number)1;
     /* Where the surface is smooth that one suffices: between two quadrants both give the same. Elsewhere all compete. A

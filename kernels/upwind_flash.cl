@@ -13,32 +13,7 @@
  */
 #define RIM_CELLS 0
 #define DIRECTED 1 /* a cell looks only at the two neighbours before it in the sweep */
-#define SETTLED (USE_DOUBLE ? 1e-7f : 1e-4f) /* a step so small, as a share, leaves nothing that the digits can tell */
 #define MEETING_STEPS (ONLY_LOWER ? 2 : 5) /* of Newton, for the value of a cell */
-
-/* t^2 at which the material has dimmed by so much; in ln(1 + t^2), of which all materials make nearly a straight line. */
-static inline number square_of(const number dimmed, const number highest, const real *material)
-{
-    number low = 0, high = logarithm((number)1 + highest);
-    number stretch = least(high, (number)2 * dimmed); /* exact for a Lambertian material */
-#if NEWTON_STEPS > 0
-    /* A lane that has settled stays, so that its bits do not depend on how long others take. */
-    number settled = -1;
-    for (int step = 0; step < NEWTON_STEPS && any_sign(as_integer(settled)); ++step) {
-        const number square = exponential(stretch) - (number)1;
-        const number excess = dimming(square, material) - dimmed;
-        high = excess > (number)0 ? stretch : high;
-        low = excess > (number)0 ? low : stretch;
-        const number newton = stretch - excess / (dimming_rate(square, material) * ((number)1 + square));
-        const number middle = (number)0.5f * (low + high);
-        const number next = newton >= low ? (newton <= high ? newton : middle) : middle;
-        const number moved = magnitude(next - stretch) - (number)SETTLED * stretch;
-        stretch = settled > (number)0 ? stretch : next;
-        settled = moved > (number)0 ? settled : (number)1;
-    }
-#endif
-    return exponential(stretch) - (number)1;
-}
 
 /* The values where D meets U = base + l, with l^2 = offset + slope t^2, for an edge and a triangle. `square` is the t^2 at
  * which D is `here`.

@@ -1,14 +1,21 @@
-"""A lamp beside the camera: the photograph that the same surface would give with the lamp at the camera."""
+"""A lamp beside the camera, as far as the equation that is solved does not have it: rounds of corrected photographs.
+
+The upwind scheme has the lamp at its place, and a material that shades by the angle to the lamp alone, as a Lambertian
+one does. The Lax-Friedrichs scheme has the lamp at the camera.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.models import Model
 from persfs_cl.problem import Problem
 from persfs_cl.reference import brightness
+from persfs_cl.reflectance import Lambertian
 from persfs_cl.surface import log_depth_gradient
 
 Array = NDArray[np.float64]
@@ -20,16 +27,33 @@ SETTLED, LOST = 3e-5, 1e-3
 """Mean |ΔZ| between two runs below which no further one is worth it, and above which the last is not to be trusted."""
 
 _DIMMEST = 0.1
-"""Where the lamp beside the camera gives less than this share of what it would give at the camera, the share is not
-used: the surface turns its back to the lamp, or nearly."""
+"""Where the lamp beside the camera gives less than this share of what the equation has, the share is not used: the
+surface turns its back to the lamp, or nearly."""
 
 _SMOOTHINGS = 16
 """Of the share, over about 3 pixels. It depends on the slopes, in which rounding and the steps of pixels show; where
 the surface faces the camera these would come back larger from every round."""
 
 
-def at_camera(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_]]:
-    """Take the lamp to the camera, as far as a surface tells what that does to the photograph.
+_NEAREST = 1.2
+"""As LEAST_FAR in kernels/lamp_beside.cl: how many times as far from the camera as the lamp a surface must be."""
+
+
+def in_rounds(model: Model, scheme: str) -> bool:
+    """Whether the equation of a resolved scheme has not all of a lamp beside the camera."""
+    return model.beside_camera and not (scheme == "upwind" and isinstance(model.reflectance, Lambertian))
+
+
+def too_near(problem: Problem, depth: Array) -> NDArray[np.bool_]:
+    """Pixels hardly farther from the camera than a lamp beside it, where a brightness belongs to several depths."""
+    if not (problem.model.beside_camera and problem.scheme == "upwind"):
+        return np.zeros(depth.shape, bool)
+    grid, reach = problem.grid, _NEAREST * math.hypot(*problem.model.flash.offset)
+    return np.asarray(depth * np.sqrt(1.0 + grid.x**2 + grid.y**2) <= 1.001 * reach)
+
+
+def as_solved(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_]]:
+    """Give the equation the photograph that belongs to it, as far as a surface tells.
 
     Parameters
     ----------
@@ -45,15 +69,18 @@ def at_camera(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_
     dim : ndarray of bool, shape (height, width)
         Pixels that the lamp hardly reaches, where the photograph tells little.
     """
-    grid, model, beside_camera = problem.grid, problem.model, problem.model.light
-    p, q = log_depth_gradient(depth, problem.camera)
-    at, beside = (
-        brightness(np.log(depth), p, q, grid.x, grid.y, light, model.reflectance)
-        for light in (replace(beside_camera, offset=(0.0, 0.0, 0.0)), beside_camera)  # type: ignore[arg-type] # a flash
-    )
+    grid, model, lamp = problem.grid, problem.model, problem.model.flash
+    surface = (np.log(depth), *log_depth_gradient(depth, problem.camera), grid.x, grid.y)
+    if problem.scheme == "upwind":
+        # The distance to the lamp is the same in both.
+        lamp = replace(lamp, falloff=False, gain=1.0)
+        had = model.reflectance.coaxial(brightness(*surface, lamp, Lambertian()))
+    else:
+        had = brightness(*surface, replace(lamp, offset=(0.0, 0.0, 0.0)), model.reflectance)
+    given = brightness(*surface, lamp, model.reflectance)
     there = np.isfinite(depth)
-    dim = there & ~(beside >= _DIMMEST * at)
-    logarithm = np.log(np.where(there, at, 1.0) / np.where(there, np.maximum(beside, _DIMMEST * at), 1.0))
+    dim = there & ~(given >= _DIMMEST * had)
+    logarithm = np.log(np.where(there, had, 1.0) / np.where(there, np.maximum(given, _DIMMEST * had), 1.0))
     weight = _smoothed(there.astype(np.float64))
     share = np.exp(np.divide(_smoothed(logarithm), weight, out=np.zeros_like(weight), where=there))
     return problem.relit(problem.image * share), dim

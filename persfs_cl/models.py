@@ -35,8 +35,8 @@ class Model:
     light : ParallelLight or FlashLight
     reflectance : Reflectance
     kernels : tuple of str
-        Kernel files that hold the Hamiltonian, in the order in which they are composed; of a lamp beside the camera
-        that of one at the camera: see :mod:`persfs_cl.lamp`.
+        Kernel files that hold the Hamiltonian, in the order in which they are composed. Of a lamp beside the camera
+        that of one at the camera, but for the upwind scheme: see :mod:`persfs_cl.lamp`.
     """
 
     light: Light
@@ -58,7 +58,7 @@ class Model:
             )
         if isinstance(light, ParallelLight):
             if isinstance(reflectance, Lambertian):
-                return cls(light, reflectance, ("parallel_light",))
+                return cls(light, reflectance, ("light_cone", "parallel_light"))
             return cls(light, reflectance, ("elementary", _MATERIAL_KERNELS[type(reflectance)], "parallel_material"))
         if not isinstance(light, FlashLight):
             raise InputError(f"light={light!r} is no known light: give a ParallelLight or a FlashLight.")
@@ -85,6 +85,24 @@ class Model:
         """Whether the light comes from the camera, so that only the angle between surface and ray shades."""
         return isinstance(self.light, FlashLight)
 
+    @property
+    def flash(self) -> FlashLight:
+        """The light, where it is a flash.
+
+        Raises
+        ------
+        TypeError
+            When it is not.
+        """
+        if not isinstance(self.light, FlashLight):
+            raise TypeError(f"{self.light!r} is no flash")
+        return self.light
+
+    @property
+    def beside_camera(self) -> bool:
+        """Whether the light is a lamp somewhere beside the camera."""
+        return isinstance(self.light, FlashLight) and not self.light.coaxial
+
     def brightest(self, grid: PixelGrid) -> float:
         """The largest value that an image may have; infinite where it depends on the depth."""
         if isinstance(self.light, FlashLight):
@@ -97,7 +115,7 @@ class Model:
         What is darker than the material at grazing gets 0, and what rounding leaves beyond the brightest value 1. Found
         by interpolation between so many angles that what is lost is less than single precision can tell.
         """
-        returned = image / self.light.gain  # type: ignore[union-attr] # a flash has a gain
+        returned = image / self.flash.gain
         if isinstance(self.reflectance, Lambertian):
             return np.minimum(returned, 1.0)
         cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
@@ -127,11 +145,25 @@ class Model:
 
     def kernels_with(self, scheme: str) -> tuple[str, ...]:
         """Kernel files of the model and of a scheme by its resolved name."""
-        files = {"lax-friedrichs": "lax_friedrichs", "upwind": "upwind_flash" if self.falls_off else "upwind"}
-        return (*self.kernels, files[scheme])
+        if scheme == "lax-friedrichs":
+            return (*self.kernels, "lax_friedrichs")
+        if not self.falls_off:
+            return (*self.kernels, "climb", "upwind")
+        if not self.beside_camera:
+            return (*self.kernels, "steepness", "upwind_flash")
+        elementary, material, _ = self.kernels
+        return (elementary, material, "steepness", "light_cone", "lamp_beside", "climb", "upwind_beside")
 
-    def parameters(self, grid: PixelGrid, *, sign: float = 1.0, max_slope: float = 1.0) -> list[float]:
-        """Numbers of one image, in the order of kernels/prelude.cl and of the model's files."""
+    def parameters(
+        self,
+        grid: PixelGrid,
+        *,
+        scheme: str = "lax-friedrichs",
+        sign: float = 1.0,
+        max_slope: float = 1.0,
+        unit: float = 1.0,
+    ) -> list[float]:
+        """Numbers of one image, in the order of kernels/prelude.cl and of the model's files; Z = 0 is `unit`."""
         steps = [0.5 / grid.dx, 0.5 / grid.dy, max_slope * grid.dx, max_slope * grid.dy, max_slope]
         common = [*steps, sign]
         if isinstance(self.light, ParallelLight):
@@ -142,6 +174,8 @@ class Model:
         material = _material_numbers(self.reflectance)
         if not self.light.falloff:
             return [*common, self.light.gain, *material]
+        if scheme == "upwind" and self.beside_camera:
+            return [*common, *(place / unit for place in self.light.offset), *material]
         return [*common, self.light.gain, self.reflectance.steepest_log, *material]
 
     def between(self, grid: PixelGrid) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from persfs_cl._cl.launches import Grid
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.errors import InputError
-from persfs_cl.light import ParallelLight
+from persfs_cl.light import FlashLight, ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.reflectance import Lambertian
 from persfs_cl.surface import Cuts
@@ -65,8 +65,8 @@ class Problem:
     first : ndarray of float64, shape (height, width), or float
         Values of W, less `level`, from which the others begin: above all known ones.
     shading : ndarray of float64, shape (height, width)
-        What the kernels read in place of the image: E; under a flash F = I R² / κ at the scale of `level`, or without
-        fall-off the cosine between surface and ray.
+        What the kernels read in place of the image: E; under a flash F = I R² / κ at the scale of `level`, for the
+        upwind scheme with the lamp beside the camera I / κ, or without fall-off the cosine between surface and ray.
     highest_known : float
         Largest known W, less `level`; infinite where no known value is needed.
     sign : float
@@ -123,7 +123,9 @@ class Problem:
             log_depth=self.start,
             brightness=self.shading,
             flags=self.domain.flags,
-            parameters=self.model.parameters(self.grid, sign=self.sign, max_slope=self.max_slope),
+            parameters=self.model.parameters(
+                self.grid, scheme=self.scheme, sign=self.sign, max_slope=self.max_slope, unit=math.exp(self.level)
+            ),
             x_axis=x_axis,
             y_axis=y_axis,
             cells=boundary.cells,
@@ -134,7 +136,7 @@ class Problem:
 
     def relit(self, image: NDArray[np.float64]) -> Problem:
         """The same under a flash with fall-off, with other brightness to be solved for; `image` stays."""
-        shading, first, level = _at_unit_distance(image, self.domain.solved, self.grid, self.model)
+        shading, first, level = _at_unit_distance(image, self.domain.solved, self.grid, self.model, self.scheme)
         return replace(self, shading=shading, first=first, level=level)
 
     def depth(self, values: NDArray[np.float64], *, converged: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -265,7 +267,7 @@ def prepare(
     known_values = sign * (np.log(depths[layout.known]) + log_ray[layout.known])
     first: NDArray[np.float64] | float
     if model.falls_off:
-        shading, first, level = _at_unit_distance(given, layout.solved, grid, model)
+        shading, first, level = _at_unit_distance(given, layout.solved, grid, model, scheme)
         highest_known = np.inf
     else:
         # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
@@ -318,23 +320,46 @@ def _log_of_ray(grid: PixelGrid, model: Model, scheme: str) -> NDArray[np.float6
 
 
 def _at_unit_distance(
-    image: NDArray[np.float64], solved: NDArray[np.bool_], grid: PixelGrid, model: Model
+    image: NDArray[np.float64], solved: NDArray[np.bool_], grid: PixelGrid, model: Model, scheme: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """F = I R² / κ, the start value of each pixel and the level subtracted from it.
+    """F, the start value of each pixel and the level subtracted from it: see :attr:`Problem.shading`.
 
-    From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light. Black pixels
-    would lie at infinity; they are given a little light.
+    From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light; with the lamp
+    beside the camera likewise at the distance from the lamp. Black pixels would lie at infinity; they are given a
+    little light.
     """
+    light = model.flash
+    beside = model.beside_camera and scheme == "upwind"
     shading = np.maximum(image, _BLACK * _largest(image, solved))
+    shading /= light.gain
     first = np.zeros_like(shading)
     for rows in row_blocks(shading.shape):
-        shading[rows] *= 1.0 + grid.x**2 + grid.y[rows] ** 2
-        shading[rows] /= model.light.gain  # type: ignore[union-attr] # a flash has a gain
+        square_ray = 1.0 + grid.x**2 + grid.y[rows] ** 2
+        if beside:
+            right, below, ahead = light.offset
+            along = right * grid.x + below * grid.y[rows] + ahead
+            square_distance = model.reflectance.brightest / shading[rows]
+            excess = along**2 + square_ray * (square_distance - (right**2 + below**2 + ahead**2))
+            depth = (along + np.sqrt(np.maximum(excess, 0.0))) / square_ray
+            _require_in_front(depth[solved[rows]], light)
+            first[rows][solved[rows]] = np.log(depth[solved[rows]])
+            continue
+        shading[rows] *= square_ray
         first[rows][solved[rows]] = 0.5 * np.log(model.reflectance.brightest / shading[rows][solved[rows]])
     level = float(np.median(first[solved], overwrite_input=True))
     shading *= np.exp(2.0 * level)
     first -= level
     return shading, first, level
+
+
+def _require_in_front(depth: NDArray[np.float64], light: FlashLight) -> None:
+    """Check that the lamp is not so far ahead, or so far aside, that what it lights would lie behind camera or lamp."""
+    if depth.size and not depth.min() > max(0.0, light.offset[2]):
+        raise InputError(
+            f"image is so bright at {int(np.count_nonzero(depth <= max(0.0, light.offset[2])))} pixels that they would "
+            f"lie behind the camera or the lamp of light={light!r}: give the gain that belongs to the image, or the "
+            "offset in the unit that the gain sets."
+        )
 
 
 def _largest(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> float:

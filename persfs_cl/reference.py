@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,9 +40,18 @@ def surface_norm(p: Array, q: Array, x: Array, y: Array) -> Array:
     return np.asarray(np.sqrt(p**2 + q**2 + w**2))
 
 
-def shade(p: Array, q: Array, x: Array, y: Array, light: ParallelLight) -> Array:
+@dataclass(frozen=True)
+class Direction:
+    """Of a parallel light for each cell: its slopes, and k = sqrt(1 + p0² + q0²)."""
+
+    p0: Array
+    q0: Array
+    norm: Array
+
+
+def shade(p: Array, q: Array, x: Array, y: Array, light: ParallelLight | Direction) -> Array:
     """n / k = (1 + (x - p0) p + (y - q0) q) / k, the cosine between normal and light times S."""
-    return (1.0 + (x - light.p0) * p + (y - light.q0) * q) / light.norm
+    return np.asarray((1.0 + (x - light.p0) * p + (y - light.q0) * q) / light.norm)
 
 
 def reflectance_map(
@@ -161,12 +170,16 @@ class Equation(ABC):
     def least_q(self, p: Array) -> Array:
         """The q at which H is least."""
 
+    def at(self, log_depth: Array) -> Equation:  # noqa: ARG002 # of those below one needs it
+        """The equation whose H(0, P) is H(Z, P) - pull Z: another one where Z stands in it in other ways too."""
+        return self
+
 
 @dataclass(frozen=True)
 class ParallelEquation(Equation):
     """H(P) = E S - n / k, eq. (7), under a parallel light. Where H falls for ever the least slope is ±`steepest`."""
 
-    light: ParallelLight
+    light: ParallelLight | Direction
     steepest: float
 
     @property
@@ -201,7 +214,7 @@ class ParallelEquation(Equation):
         """See :class:`Equation`."""
         return self._least(p, self.y, self.x, self.light.q0)
 
-    def _least(self, across: Array, along: Array, beside: Array, slope_of_light: float) -> Array:
+    def _least(self, across: Array, along: Array, beside: Array, slope_of_light: Array | float) -> Array:
         m = (along - slope_of_light) / self.light.norm
         a = 1.0 + along**2
         excess = a * self.brightness**2 - m**2
@@ -249,10 +262,55 @@ class FlashEquation(Equation):
         return -self.y * (1.0 + self.x * p) / (1.0 + self.y**2)
 
 
+@dataclass(frozen=True)
+class LampEquation(ParallelEquation):
+    """With the lamp beside the camera: at a given depth each pixel has a parallel light of its own, and a brightness.
+
+    I = κ c(θ) / ρ², with ρ the distance to the lamp, tells cos θ, which takes the place of E.
+
+    Attributes
+    ----------
+    offset : (float, float, float)
+        Of the lamp, in units of depth.
+    reflectance : Reflectance
+        Of which a brightness belongs to one angle.
+    """
+
+    offset: tuple[float, float, float]
+    reflectance: Reflectance
+
+    def at(self, log_depth: Array) -> Equation:
+        """See :class:`Equation`."""
+        depth = np.exp(log_depth)
+        right, below, ahead = (place / depth for place in self.offset)
+        square_distance = depth**2 * ((self.x - right) ** 2 + (self.y - below) ** 2 + (1.0 - ahead) ** 2)
+        p0, q0 = (self.x - right) / (1.0 - ahead), (self.y - below) / (1.0 - ahead)
+        light = Direction(p0, q0, np.sqrt(1.0 + p0**2 + q0**2))
+        cosine = self._cosine(self.brightness * square_distance)
+        return ParallelEquation(cosine, self.x, self.y, light, self.steepest)
+
+    def _cosine(self, returned: Array) -> Array:
+        """By bisection; above 1 where more returns than the material can."""
+        low, high = np.zeros_like(returned), np.ones_like(returned)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            darker = self.reflectance.coaxial(middle) < returned
+            low, high = np.where(darker, middle, low), np.where(darker, high, middle)
+        return np.where(returned > self.reflectance.brightest, returned / self.reflectance.brightest, low)
+
+
 def _half_gradient_of_square_norm(p: Array, q: Array, x: Array, y: Array) -> Slopes:
     """Half the derivatives of S² by p and q."""
     w = 1.0 + x * p + y * q
     return p + x * w, q + y * w
+
+
+def _at_scale(light: Light, unit: float) -> Light:
+    """The light where depths are counted in another unit."""
+    if isinstance(light, ParallelLight):
+        return light
+    right, below, ahead = light.offset
+    return replace(light, offset=(right / unit, below / unit, ahead / unit))
 
 
 def constrained(here: Array, before: Array, after: Array, spacing: float, least: Array) -> Array:
@@ -314,7 +372,7 @@ class Reference:
             flags=problem.domain.flags,
             boundary=problem.domain.boundary,
             grid=problem.grid,
-            light=problem.model.light,
+            light=_at_scale(problem.model.light, float(np.exp(problem.level))),
             reflectance=problem.model.reflectance,
             scheme=problem.scheme,
             sign=problem.sign,
@@ -400,11 +458,11 @@ class Reference:
 
         def along_x(value: Array) -> Slopes:
             p = per_x * (value - beside) + level_p
-            return p, equation.least_q(p)
+            return p, equation.at(value).least_q(p)
 
         def along_y(value: Array) -> Slopes:
             q = per_y * (value - above) + level_q
-            return equation.least_p(q), q
+            return equation.at(value).least_p(q), q
 
         def between(value: Array) -> Slopes:
             return per_x * (value - beside) + level_p, per_y * (value - above) + level_q
@@ -414,8 +472,9 @@ class Reference:
             for _ in range(_HALVINGS):
                 value = 0.5 * (low + high)
                 p, q = slopes(value)
-                rise_p, rise_q = equation.gradient(p, q)
-                excess = equation.hamiltonian(p, q) + equation.pull * (value if level is None else level)
+                there = equation.at(value)
+                rise_p, rise_q = there.gradient(p, q)
+                excess = there.hamiltonian(p, q) + equation.pull * (value if level is None else level)
                 beyond = (excess > 0.0) & (per_x * rise_p + per_y * rise_q > 0.0)
                 low, high = np.where(beyond, low, value), np.where(beyond, value, high)
             return low
@@ -428,7 +487,7 @@ class Reference:
             edge_x, edge_y = np.where(now_x >= now_y, np.nan, edge_x), np.where(now_x < now_y, np.nan, edge_y)
         highest = np.fmin(beside + step_x, above + step_y)
         triangle = allowed(between, np.fmin(beside, above) - step_x - step_y, highest)
-        rise_p, rise_q = equation.gradient(*between(triangle))
+        rise_p, rise_q = equation.at(triangle).gradient(*between(triangle))
         triangle[~((per_x * rise_p > 0.0) & (per_y * rise_q > 0.0))] = np.nan
         return np.asarray(np.fmin(np.fmin(np.fmin(edge_x, edge_y), triangle), highest))
 
@@ -445,6 +504,11 @@ class Reference:
         cells = self.brightness[rows, columns], self.grid.x[columns], self.grid.y[rows, 0]
         if isinstance(self.light, ParallelLight):
             return ParallelEquation(*cells, self.light, steepest)
+        if self.scheme == "upwind" and not self.light.coaxial:
+            nowhere = np.zeros_like(cells[0])
+            return LampEquation(
+                *cells, Direction(nowhere, nowhere, nowhere), steepest, self.light.offset, self.reflectance
+            )
         return FlashEquation(*cells, self.reflectance)
 
     def _gradient(self, here: Array, left: Array, right: Array, up: Array, down: Array, equation: Equation) -> Slopes:

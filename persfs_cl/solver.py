@@ -82,9 +82,11 @@ def reconstruct(
     camera : Camera
     light : ParallelLight or FlashLight
         A frontal parallel light by default. Under a flash that fades with distance the image alone determines the
-        depth, in the unit of the gain: no known values, no choice of `surface`. With the lamp beside the camera the
-        image is solved as if it were at the camera, corrected by what the surface found says of that, and solved again,
-        in up to 10 rounds: for a lamp not farther off than a fifth of the depth or so, and no shadows.
+        depth, in the unit of the gain: no known values, no choice of `surface`. A lamp beside the camera is where it is
+        in the upwind scheme, and a Lambertian surface may be anywhere before it, without shadows. Other materials
+        shade there by the angle to the lamp alone, and for the Lax-Friedrichs scheme the lamp is at the camera: then
+        the image is corrected by what the surface found says of that, and solved again, in up to 10 rounds. That is
+        for a lamp not farther off than a tenth of the depth or so.
     reflectance : Lambertian, OrenNayar or Phong
         Under a parallel light others than Lambertian are for the Lax-Friedrichs scheme, and an image is on the scale of
         what the material returns.
@@ -286,9 +288,11 @@ def reconstruct_batch(
         run = _Run.of(chosen, problems, options, _stop_at_once if watch and watch.stopped else watch)
         results = run.surfaces(problems)
         rounds = None
-        if isinstance(light, FlashLight) and not light.coaxial:
-            rounds = _take_lamp_to_camera(chosen, problems, results, run, options, watch)
+        if lamp.in_rounds(model, scheme):
+            rounds = _correct_photographs(chosen, problems, results, run, options, watch)
         cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
+        for problem, (_, depth) in zip(problems, results, strict=True):
+            _warn_if_too_near(problem, depth)
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
         elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
@@ -519,7 +523,17 @@ class _Run:
         ]
 
 
-def _take_lamp_to_camera(
+def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
+    if count := int(np.count_nonzero(lamp.too_near(problem, depth))):
+        warnings.warn(
+            f"{count} pixels come hardly farther from the camera than the lamp of light={problem.model.light!r} is, "
+            "where a brightness belongs to several depths: do not rely on them. Have the lamp nearer, or check its "
+            "offset, which is in the unit of depth that the gain sets.",
+            stacklevel=4,
+        )
+
+
+def _correct_photographs(
     device: Device,
     problems: Sequence[Problem],
     surfaces: list[_Surface],
@@ -527,7 +541,7 @@ def _take_lamp_to_camera(
     options: Options,
     watch: _Watch | None,
 ) -> list[int]:
-    """Correct the photographs by the surfaces that a run found with the lamp at the camera, and solve again.
+    """Correct the photographs by the surfaces that a run found, for the equation that is solved, and solve again.
 
     That is repeated until it changes little. `surfaces` becomes that of the last rounds; `run` gets the statuses of an
     image's last round, and the changes of all rounds.
@@ -544,7 +558,7 @@ def _take_lamp_to_camera(
             for place in active:
                 run.statuses[place] = Status.STOPPED
             break
-        relit, dim = zip(*(lamp.at_camera(problems[place], surfaces[place][1]) for place in active), strict=True)
+        relit, dim = zip(*(lamp.as_solved(problems[place], surfaces[place][1]) for place in active), strict=True)
         if watch:
             watch.before = max(len(run.changes[place]) for place in active)
         again = _Run.of(device, relit, options, watch)

@@ -16,6 +16,7 @@ from persfs_cl.reflectance import Reflectance
 
 OBLIQUE = ParallelLight(0.3, -0.2)
 FLASH = FlashLight(gain=2.0)
+BESIDE = FlashLight(gain=2.0, offset=(0.15, -0.1, -0.1))
 
 LAX_FRIEDRICHS: dict[str, dict[str, Any]] = {
     "frontal away": {},
@@ -29,6 +30,8 @@ UPWIND: dict[str, dict[str, Any]] = {
     **{f"upwind {name}": {**LAX_FRIEDRICHS[name], "scheme": "upwind"} for name in list(LAX_FRIEDRICHS)[:4]},
     "upwind flash": {"light": FLASH, "scheme": "upwind"},
     "upwind flash on a rough surface": {"light": FLASH, "reflectance": OrenNayar(0.4), "scheme": "upwind"},
+    "upwind lamp beside": {"light": BESIDE, "scheme": "upwind"},
+    "upwind lamp beside a rough surface": {"light": BESIDE, "reflectance": OrenNayar(0.4), "scheme": "upwind"},
     "upwind flash on a shiny surface": {"light": FLASH, "reflectance": Phong(), "scheme": "upwind"},
 }
 """Keywords of :func:`random_problem`, each for kernels of its own."""

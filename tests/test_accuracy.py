@@ -122,3 +122,16 @@ def test_a_rough_hill_and_another_surface_have_the_same_photograph(device: Devic
         assert found[material, GREY_ERROR, 201] <= 0.65 * found[material, GREY_ERROR, 101]
     assert found[MATT, ERROR, 201] <= 0.8 * found[MATT, ERROR, 101]
     assert found[AMBIGUOUS, ERROR, 201] >= 15.0
+
+
+def test_a_lamp_beside_the_camera_costs_no_exactness_by_upwind(device: Device) -> None:
+    records = [record for group in accuracy.lamp(Plan(device, sizes=(61,))) for record in group]
+    assert [record.subject for record in records] == [
+        accuracy.subject(accuracy.lamp_name(aside), scheme)
+        for aside in accuracy.LAMP_ASIDE
+        for scheme in accuracy.LAMP_SCHEMES
+    ]
+    by_upwind, in_rounds = records[::2], records[1::2]
+    assert {record.detail for record in by_upwind} == {"upwind, converged"}
+    assert max(values(by_upwind)) < 0.6
+    assert in_rounds[-1].detail == "lax-friedrichs, not converged"

@@ -128,15 +128,15 @@ def test_yardsticks_do_the_lexicographic_sweep(
     device: ps.Device, precision: str, make: Callable[[Grid, str], Peer], surface: str
 ) -> None:
     for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
-        grid = framed_problem(seed, shape, surface).numbers
+        problem = framed_problem(seed, shape, surface)
         try:
-            peer = make(grid, precision)
+            peer = make(problem.numbers, precision)
         except UnavailableError as reason:
             pytest.skip(str(reason))
         sweeps = Sweeper(
             device,
-            [grid],
-            model=("parallel_light", "lax_friedrichs"),
+            [problem.numbers],
+            model=problem.model.kernels_with(problem.scheme),
             ordering="lexicographic",
             precision=precision,
         )

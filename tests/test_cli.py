@@ -376,7 +376,7 @@ def test_warnings_are_lines_in_the_words_of_the_command(photo: Path, tmp_path: P
 
     flash = ps.bump((HEIGHT, WIDTH), light=ps.FlashLight())
     tifffile.imwrite(tmp_path / "flash.tif", flash.image)
-    lamp = ("--light=flash", "--lamp=0.8,0,0")
+    lamp = ("--light=flash", "--scheme=lax-friedrichs", "--lamp=0.8,0,0")
     outcome = run("reconstruct", tmp_path / "flash.tif", "-o", tmp_path / "lamp", *FOCAL, *lamp)
     assert "persfs-cl: warning: --light flash is too far from the camera" in outcome.stderr
     assert "UserWarning" not in outcome.stderr

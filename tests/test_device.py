@@ -148,13 +148,18 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         ("checkerboard_bands", 8),
     ):
         tuning = Tuning(variant, lanes=lanes)
-        program(device, ["parallel_light", "lax_friedrichs", *tuning.kernels], precision, tuning.definitions)
-    flash = ["elementary", "lambertian", "flash_light", "upwind_flash"]
-    for scheme in (["parallel_light", "upwind"], ["elementary", "lambertian", "headlight", "upwind"], flash):
+        program(
+            device, ["light_cone", "parallel_light", "lax_friedrichs", *tuning.kernels], precision, tuning.definitions
+        )
+    flash = ["elementary", "lambertian", "flash_light", "steepness", "upwind_flash"]
+    parallel = ["light_cone", "parallel_light", "climb", "upwind"]
+    headlight = ["elementary", "lambertian", "headlight", "climb", "upwind"]
+    beside = ["elementary", "lambertian", "steepness", "light_cone", "lamp_beside", "climb", "upwind_beside"]
+    for scheme in (parallel, headlight, flash, beside):
         for variant, lanes in (("wavefront_strips", 8), ("wavefront_tiles", 1)):
             tuning = Tuning(variant, lanes=lanes, second_order=True)
             program(device, [*scheme, *tuning.kernels], precision, tuning.definitions)
-    program(device, ["parallel_light", "render"], precision)
+    program(device, ["light_cone", "parallel_light", "render"], precision)
 
 
 def test_a_wrong_environment_is_an_error_and_never_a_question() -> None:

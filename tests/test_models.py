@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
-from persfs_cl.choices import Precision
+from persfs_cl.choices import Ordering, Precision, Scheme
 from persfs_cl.models import Model
 from persfs_cl.reference import brightness
 from persfs_cl.reflectance import Reflectance
@@ -341,9 +341,9 @@ class TestMaterialsUnderAParallelLight:
 
 
 class TestLampBesideTheCamera:
-    """A flash or a torch at the side: corrected in rounds."""
+    """A flash or a torch at the side: in the equation of the upwind scheme, else corrected in rounds."""
 
-    OFFSETS = ((0.05, 0.0, 0.0), (0.0, 0.1, 0.0), (0.15, 0.1, 0.05))
+    OFFSETS = ((0.05, 0.0, 0.0), (0.0, 0.2, 0.0), (0.15, 0.1, 0.05), (0.4, 0.0, 0.0))
 
     @staticmethod
     def scene(offset: tuple[float, float, float], material: Reflectance = ps.Lambertian(), size: int = 60) -> Scene:
@@ -357,17 +357,35 @@ class TestLampBesideTheCamera:
         )
 
     @pytest.mark.parametrize("offset", OFFSETS)
-    def test_the_surface_is_nearly_as_good_as_with_the_lamp_at_the_camera(self, offset: Any) -> None:
-        coaxial = self.scene((0.0, 0.0, 0.0))
-        least = ps.compare(self.solve(coaxial).depth, coaxial.depth).mean
+    @pytest.mark.parametrize(("size", "order", "bound"), [(60, 1, 1.3), (240, 1, 1.3), (60, 2, 2.0)])
+    def test_the_surface_is_as_good_as_with_the_lamp_at_the_camera(
+        self, offset: Any, size: int, order: int, bound: float
+    ) -> None:
+        coaxial = self.scene((0.0, 0.0, 0.0), size=size)
+        least = ps.compare(self.solve(coaxial, accuracy_order=order).depth, coaxial.depth).mean
+        scene = self.scene(offset, size=size)
+        solution = self.solve(scene, accuracy_order=order)
+        assert solution.status is ps.Status.CONVERGED
+        assert "lamp_rounds" not in solution.parameters
+        assert solution.iterations < 20
+        assert ps.compare(solution.depth, scene.depth).mean < bound * least
+        ignored = self.solve(scene, light=coaxial.light)
+        assert ps.compare(ignored.depth, scene.depth).mean > 8.0 * least
+
+    @pytest.mark.parametrize("ordering", ["checkerboard", "lexicographic"])
+    def test_the_orderings_agree(self, ordering: Ordering) -> None:
+        scene = self.scene((0.3, -0.1, 0.0))
+        by_wavefront = self.solve(scene)
+        np.testing.assert_allclose(self.solve(scene, ordering=ordering).depth, by_wavefront.depth, rtol=2e-6)
+
+    @pytest.mark.parametrize("offset", OFFSETS[:2])
+    def test_by_lax_friedrichs_in_rounds(self, offset: Any) -> None:
         scene = self.scene(offset)
-        solution = self.solve(scene)
+        solution = self.solve(scene, scheme="lax-friedrichs")
         assert solution.status is ps.Status.CONVERGED
         assert 1 < solution.parameters["lamp_rounds"] <= 10
-        assert ps.compare(solution.depth, scene.depth).mean < 1.3 * least
-        ignored = self.solve(scene, light=coaxial.light)
-        assert "lamp_rounds" not in ignored.parameters
-        assert ps.compare(ignored.depth, scene.depth).mean > 8.0 * least
+        by_upwind = self.solve(scene)
+        assert ps.compare(solution.depth, scene.depth).mean < 5.0 * ps.compare(by_upwind.depth, scene.depth).mean
 
     @pytest.mark.parametrize("material", [ps.OrenNayar(0.4), ps.Phong()], ids=str)
     def test_other_materials_and_a_mask(self, material: Reflectance) -> None:
@@ -376,6 +394,7 @@ class TestLampBesideTheCamera:
         mask[20:26, 30:44] = False
         solution = self.solve(scene, mask=mask)
         np.testing.assert_array_equal(solution.solved, mask)
+        assert 1 < solution.parameters["lamp_rounds"] <= 10
         coaxial = self.scene((0.0, 0.0, 0.0), material)
         least = ps.compare(self.solve(coaxial, mask=mask).depth, coaxial.depth).mean
         assert ps.compare(solution.depth, scene.depth).mean < 2.2 * least
@@ -385,7 +404,8 @@ class TestLampBesideTheCamera:
         coarse, fine = (ps.compare(self.solve(scene).depth, scene.depth).mean for scene in scenes)
         assert fine < 0.5 * coarse
 
-    def test_a_batch_has_the_numbers_of_its_images_alone(self) -> None:
+    @pytest.mark.parametrize("scheme", ["upwind", "lax-friedrichs"])
+    def test_a_batch_has_the_numbers_of_its_images_alone(self, scheme: Scheme) -> None:
         light = ps.FlashLight(offset=(0.1, 0.0, 0.0))
         scenes = [
             ps.hillside(shape=(40, 40), light=light, surface="toward"),
@@ -393,16 +413,16 @@ class TestLampBesideTheCamera:
             ps.hillside(shape=(30, 44), light=light, surface="toward"),
         ]
         together = ps.reconstruct_batch(
-            [scene.image for scene in scenes], [scene.camera for scene in scenes], light=light
+            [scene.image for scene in scenes], [scene.camera for scene in scenes], light=light, scheme=scheme
         )
         for scene, solution in zip(scenes, together, strict=True):
-            alone = ps.reconstruct(scene.image, scene.camera, light=light)
+            alone = ps.reconstruct(scene.image, scene.camera, light=light, scheme=scheme)
             np.testing.assert_array_equal(solution.depth, alone.depth)
             np.testing.assert_array_equal(solution.changes, alone.changes)
             assert solution.parameters == alone.parameters
 
     def test_the_callback_counts_on_and_stops(self) -> None:
-        scene = self.scene((0.1, 0.0, 0.0))
+        scene = self.scene((0.1, 0.0, 0.0), ps.OrenNayar(0.4))
         seen: list[int] = []
 
         def stop_at_six(iteration: int, _change: float) -> bool:
@@ -415,21 +435,31 @@ class TestLampBesideTheCamera:
         assert len(solution.changes) == solution.iterations == 6
         assert solution.parameters["lamp_rounds"] == 2
 
-    def test_a_lamp_too_far_away_is_warned_of(self) -> None:
+    def test_a_lamp_too_far_away_for_rounds_is_warned_of(self) -> None:
         scene = self.scene((1.5, 0.0, 0.0))
         with (
             pytest.warns(UserWarning, match="turn their back to the lamp"),
             pytest.warns(UserWarning, match="too far from the camera"),
         ):
-            solution = self.solve(scene)
+            solution = self.solve(scene, scheme="lax-friedrichs")
         assert solution.status is ps.Status.MAX_ITERATIONS
         assert solution.changes[-1] <= solution.parameters["tolerance"]
         with (
             pytest.warns(UserWarning, match="too far from the camera|turn their back to the lamp"),
             pytest.raises(ps.ConvergenceError, match="have it nearer") as caught,
         ):
-            self.solve(scene, throw=True)
+            self.solve(scene, scheme="lax-friedrichs", throw=True)
         assert "above the tolerance" not in str(caught.value)
+
+    def test_a_surface_that_may_be_nearer_than_the_lamp_is_warned_of(self) -> None:
+        scene = self.scene((1.5, 0.0, 0.0))
+        with pytest.warns(UserWarning, match="pixels come hardly farther from the camera than the lamp"):
+            self.solve(scene)
+
+    def test_a_lamp_behind_the_surface_is_refused(self) -> None:
+        scene = self.scene((0.0, 0.0, 0.0))
+        with pytest.raises(ps.InputError, match="behind the camera or the lamp"):
+            self.solve(scene, light=ps.FlashLight(gain=3.0, offset=(0.1, 0.0, 50.0)))
 
     def test_render_is_the_formula(self) -> None:
         scene = self.scene((0.1, 0.05, -0.1), ps.Phong())

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from persfs_cl._cl.tuning import CPU_LANES, Tuning
 from persfs_cl.bench import fresh
-from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, reflectance
+from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, lamp, reflectance
 from persfs_cl.bench.alternatives import weno
 from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.plan import SCHEMES, Plan
@@ -198,6 +198,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "flash": flash,
     "reflectance": reflectance,
     "ambiguity": ambiguity,
+    "lamp": lamp,
     "weno": weno,
     "compilation": compilation,
     "memory": memory,

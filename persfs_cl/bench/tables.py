@@ -207,6 +207,17 @@ def _ambiguity(records: Records) -> str:
     return markdown_table(("material", "pixels", exact.ERROR, exact.GREY_ERROR), cells, words=1)
 
 
+def _lamp(records: Records) -> str:
+    rows: dict[tuple[str, str], list[str]] = {}
+    for record in records:
+        scene, _, _scheme = record.subject.partition(": ")
+        settled = "" if record.detail.endswith(", converged") else ", not settled"
+        cell = f"{two_digits(record.median)} ({record.iteration}{settled})"
+        rows.setdefault((scene, _pixels(record)), []).append(cell)
+    header = ("hill, flash", "pixels", *exact.LAMP_SCHEMES)
+    return markdown_table(header, [(*place, *cells) for place, cells in rows.items()], words=1)
+
+
 def _weno(records: Records) -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for record in records:
@@ -235,6 +246,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "flash-materials": ("reflectance", _flash_materials),
     "parallel-materials": ("reflectance", _parallel_materials),
     "ambiguity": ("ambiguity", _ambiguity),
+    "lamp": ("lamp", _lamp),
     "weno": ("weno", _weno),
 }
 """By the name of the marker: the experiment whose records a table shows, and what makes it of them."""

@@ -1,0 +1,52 @@
+/* The value of a cell by the upwind scheme, where the gradients that its brightness allows are a conic: Z is the largest
+ * function that nowhere climbs faster than these allow.
+ *
+ *     edge       Z = Z_l + dx max p
+ *     triangle   P = ((Z - Z_l) / dx, (Z - Z_u) / dy) on the conic: a quadratic in Z, of which the larger root counts, if
+ *                the information comes from between the two neighbours: if the conic's normal there points away from both
+ *
+ * The least of both edges and the triangle between the two neighbours that come before the cell in the sweep. The other
+ * three triangles have their turn in the other three sweeps; all four together make the scheme. A neighbour that is
+ * missing has the value NOWHERE: nothing flows in from there.
+ *
+ * `to_p` and `to_q` as in lax_friedrichs.cl: their signs say where left and up lie, and whether Z or -Z is solved for. The
+ * model gives the conic of a light, whatever stands for that. An edge climbs no faster than `steepest`, which matters
+ * where the conic is unbounded.
+ */
+static inline number least_climb(const number dark, const number left, const number up, const sided to_p,
+                                 const sided to_q, const number x, const number y, const direction light,
+                                 const number steepest)
+{
+    const sided ahead = 1, turn_x = to_p < 0 ? -ahead : ahead, turn_y = to_q < 0 ? -ahead : ahead;
+    const sided scale_x = 2 * to_p, scale_y = 2 * to_q, dx = turn_x / scale_x, dy = turn_y / scale_y;
+    const number climb_x = steepest_climb(dark, x, y, 0, turn_x, light);
+    const number climb_y = steepest_climb(dark, x, y, 1, turn_y, light);
+    const number edge = least(left + dx * least(steepest, climb_x), up + dy * least(steepest, climb_y));
+
+    /* The quadratic in Z - Z_l: bend z^2 + 2 tilt z + rest = 0. */
+    const conic lit = lit_gradients(dark, x, y, light);
+    const number xx = lit.xx * (scale_x * scale_x), xy = lit.xy * (scale_x * scale_y), yy = lit.yy * (scale_y * scale_y);
+    const number along_x = lit.x * scale_x, along_y = lit.y * scale_y;
+    const number step = up - left;
+    const number column_x = xx + xy, column_y = xy + yy, bend = column_x + column_y, along = along_x + along_y;
+    const number tilt = multiply_subtract_from(along, column_y, step);
+    const number rest = multiply_add(step, multiply_subtract_from(yy * step, (number)2, along_y), lit.free);
+    /* tilt^2 - bend rest, as a polynomial in the step. */
+    const number spread =
+        multiply_add(step,
+                     multiply_add(step, multiply_subtract_from(xy * xy, xx, yy),
+                                  (number)2 * multiply_subtract_from(along_y * column_x, along_x, column_y)),
+                     multiply_subtract_from(along * along, bend, lit.free));
+    const number square_root = root(most(spread, (number)0));
+    const number climb = (tilt < (number)0 ? square_root - tilt : -rest) / (tilt < (number)0 ? bend : tilt + square_root);
+    const number climb_up = climb - step;
+    const number p = scale_x * climb, q = scale_y * climb_up;
+    const number normal_x = multiply_add(xx, climb, multiply_add(xy, climb_up, along_x));
+    const number normal_y = multiply_add(xy, climb, multiply_add(yy, climb_up, along_y));
+    const number side = lit_side(p, q, x, y, light);
+    const number both_there = (number)(0.5f * NOWHERE) - magnitude(step);
+    const number worst = least(least(least(normal_x, normal_y), least(side, spread)), both_there);
+    const number triangle = left + climb;
+    const number accepted = worst > (number)0 ? triangle : (number)NOWHERE;
+    return least(accepted, edge);
+}
