@@ -14,17 +14,16 @@
  * where the conic is unbounded.
  */
 static inline number least_climb(const number dark, const number left, const number up, const sided to_p,
-                                 const sided to_q, const number x, const number y, const direction light,
-                                 const number steepest)
+                                 const sided to_q, const sight at, const number steepest)
 {
     const sided ahead = 1, turn_x = to_p < 0 ? -ahead : ahead, turn_y = to_q < 0 ? -ahead : ahead;
     const sided scale_x = 2 * to_p, scale_y = 2 * to_q, dx = turn_x / scale_x, dy = turn_y / scale_y;
-    const number climb_x = steepest_climb(dark, x, y, 0, turn_x, light);
-    const number climb_y = steepest_climb(dark, x, y, 1, turn_y, light);
+    const number climb_x = steepest_climb(dark, 0, turn_x, at);
+    const number climb_y = steepest_climb(dark, 1, turn_y, at);
     const number edge = least(left + dx * least(steepest, climb_x), up + dy * least(steepest, climb_y));
 
     /* The quadratic in Z - Z_l: bend z^2 + 2 tilt z + rest = 0. */
-    const conic lit = lit_gradients(dark, x, y, light);
+    const conic lit = lit_gradients(dark, at);
     const number xx = lit.xx * (scale_x * scale_x), xy = lit.xy * (scale_x * scale_y), yy = lit.yy * (scale_y * scale_y);
     const number along_x = lit.x * scale_x, along_y = lit.y * scale_y;
     const number step = up - left;
@@ -43,7 +42,7 @@ static inline number least_climb(const number dark, const number left, const num
     const number p = scale_x * climb, q = scale_y * climb_up;
     const number normal_x = multiply_add(xx, climb, multiply_add(xy, climb_up, along_x));
     const number normal_y = multiply_add(xy, climb, multiply_add(yy, climb_up, along_y));
-    const number side = lit_side(p, q, x, y, light);
+    const number side = lit_side(p, q, at);
     const number both_there = (number)(0.5f * NOWHERE) - magnitude(step);
     const number worst = least(least(least(normal_x, normal_y), least(side, spread)), both_there);
     const number triangle = left + climb;

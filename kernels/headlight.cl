@@ -24,26 +24,28 @@ static inline number square_ray(const number x, const number y)
 typedef struct {
     number xx, xy, yy, x, y, free;
 } conic;
-typedef int direction;
+typedef struct {
+    number x, y;
+} sight;
 
-static inline direction light_at(const real *parameters)
+static inline sight sight_at(const number x, const number y, const real *parameters)
 {
-    return 0;
+    const sight result = {x, y};
+    return result;
 }
 
-static inline conic lit_gradients(const number dark, const number x, const number y, const direction light)
+static inline conic lit_gradients(const number dark, const sight at)
 {
-    const number scale = ((number)1 - dark) * square_ray(x, y), none = (number)0;
+    const number x = at.x, y = at.y, scale = ((number)1 - dark) * square_ray(x, y), none = (number)0;
     const conic result = {multiply_add(scale * x, x, scale), scale * x * y, multiply_add(scale * y, y, scale), none, none,
                           -dark};
     return result;
 }
 
 /* The largest p in it, or q, which is also the largest -p or -q. */
-static inline number steepest_climb(const number dark, const number x, const number y, const int along_y,
-                                    const sided turn, const direction light)
+static inline number steepest_climb(const number dark, const int along_y, const sided turn, const sight at)
 {
-    const number along = along_y ? y : x, across = along_y ? x : y;
+    const number along = along_y ? at.y : at.x, across = along_y ? at.x : at.y;
     return root(dark / ((number)1 - dark) * multiply_add(across, across, (number)1)) / square_ray(along, across);
 }
 
@@ -64,7 +66,7 @@ static inline slopes outward_normal(const number brightness, const number here, 
 }
 
 /* All that the camera sees is lit. */
-static inline number lit_side(const number p, const number q, const number x, const number y, const direction light)
+static inline number lit_side(const number p, const number q, const sight at)
 {
     return (number)1;
 }

@@ -30,14 +30,13 @@ static inline lamp lamp_at(const number x, const number y, const real *parameter
     return result;
 }
 
-/* The direction to the lamp from depth 1 / `inverse_depth`. */
-static inline direction towards(const lamp at, const number inverse_depth, const number x, const number y)
+/* The lamp seen from depth 1 / `inverse_depth`, as a parallel light. */
+static inline sight towards(const lamp at, const number inverse_depth, const number x, const number y)
 {
     const number ahead = most((number)1 - at.z * inverse_depth, (number)LEAST_AHEAD), scale = (number)1 / ahead;
     const number p0 = multiply_subtract_from(x, at.x, inverse_depth) * scale;
     const number q0 = multiply_subtract_from(y, at.y, inverse_depth) * scale;
-    const direction result = {p0, q0, (number)1 / root(multiply_add(p0, p0, multiply_add(q0, q0, (number)1)))};
-    return result;
+    return sight_of(x, y, p0, q0, (number)1 / root(multiply_add(p0, p0, multiply_add(q0, q0, (number)1))));
 }
 
 /* Nearer than the lamp is to the camera, or nearly, a brightness belongs to no one depth. */
@@ -70,7 +69,7 @@ static inline number dark_at(const number square)
 
 /* The set of gradients at the present value. */
 typedef struct {
-    direction light;
+    sight at;
     number dark;
     slopes level; /* gradient of Z where the surface faces the lamp: where that of light_cone.cl is 0 */
 } present;
@@ -81,11 +80,10 @@ static inline present present_set(const number brightness, const number here, co
     const lamp at = lamp_at(x, y, parameters);
     const number z = exponential(here), dimmed = most((number)0, dimmed_at(at, z, brightness));
     const number steepest = (number)(2 * parameters[STEEPEST]) * at.ray;
-    const direction light = towards(at, (number)1 / z, x, y);
-    const number per_facing = (number)-1 / facing_ray(x, y, light);
-    const present result = {light,
+    const sight seen = towards(at, (number)1 / z, x, y);
+    const present result = {seen,
                             dark_at(square_of(dimmed, steepest * steepest, parameters + MATERIAL_FIRST)),
-                            {light.p0 * per_facing, light.q0 * per_facing}};
+                            {-seen.p0 * seen.per_facing, -seen.q0 * seen.per_facing}};
     return result;
 }
 
@@ -93,12 +91,12 @@ static inline number middle_gradient(const number brightness, const number here,
                                      const int along_y, const real *parameters)
 {
     const present set = present_set(brightness, here, x, y, parameters);
-    return (along_y ? set.level.q : set.level.p) + middle_of_set(set.dark, x, y, along_y, set.light);
+    return (along_y ? set.level.q : set.level.p) + middle_of_set(set.dark, along_y, set.at);
 }
 
 static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
                                     const number x, const number y, const real *parameters)
 {
     const present set = present_set(brightness, here, x, y, parameters);
-    return normal_of_set(set.dark, p - set.level.p, q - set.level.q, x, y, set.light);
+    return normal_of_set(set.dark, p - set.level.p, q - set.level.q, set.at);
 }

@@ -9,32 +9,35 @@
  * light.
  */
 typedef struct {
-    number p0, q0, inverse_norm; /* the latter 1 / k, k = sqrt(1 + p0^2 + q0^2) */
-} direction;
+    number x, y;
+    number p0, q0, inverse_norm;  /* of the light; the latter 1 / k, k = sqrt(1 + p0^2 + q0^2) */
+    number facing, per_facing;    /* f and 1 / f                                               */
+} sight;
+
+static inline sight sight_of(const number x, const number y, const number p0, const number q0,
+                             const number inverse_norm)
+{
+    const number facing = multiply_add(x, p0, multiply_add(y, q0, (number)1));
+    const sight result = {x, y, p0, q0, inverse_norm, facing, (number)1 / facing};
+    return result;
+}
 
 typedef struct {
     number xx, xy, yy, x, y, free;
 } conic;
 
-/* f */
-static inline number facing_ray(const number x, const number y, const direction light)
+static inline conic lit_gradients(const number dark, const sight at)
 {
-    return multiply_add(x, light.p0, multiply_add(y, light.q0, (number)1));
-}
-
-static inline conic lit_gradients(const number dark, const number x, const number y, const direction light)
-{
-    const number a = (x - light.p0) * light.inverse_norm, b = (y - light.q0) * light.inverse_norm;
-    const number bright = (number)1 - dark;
-    const number per_facing = (number)1 / facing_ray(x, y, light), pull = dark * per_facing;
-    const number length = pull * per_facing * ((number)1 / (light.inverse_norm * light.inverse_norm));
+    const number a = (at.x - at.p0) * at.inverse_norm, b = (at.y - at.q0) * at.inverse_norm;
+    const number bright = (number)1 - dark, pull = dark * at.per_facing;
+    const number square_norm = multiply_add(at.p0, at.p0, multiply_add(at.q0, at.q0, (number)1));
     const conic result = {
-        multiply_add(bright * x, x, bright - a * a),
-        bright * x * y - a * b,
-        multiply_add(bright * y, y, bright - b * b),
-        (light.p0 - x) * pull,
-        (light.q0 - y) * pull,
-        -length,
+        multiply_add(bright * at.x, at.x, bright - a * a),
+        bright * at.x * at.y - a * b,
+        multiply_add(bright * at.y, at.y, bright - b * b),
+        (at.p0 - at.x) * pull,
+        (at.q0 - at.y) * pull,
+        -pull * at.per_facing * square_norm,
     };
     return result;
 }
@@ -46,13 +49,10 @@ typedef struct {
     number bend, tilt, rest, spread;
 } extent;
 
-static inline extent extent_along(const number dark, const number x, const number y, const int along_y,
-                                  const direction light)
+static inline extent extent_along(const number dark, const int along_y, const sight at)
 {
-    const number along = along_y ? y : x, across = along_y ? x : y;
-    const number light_along = along_y ? light.q0 : light.p0, light_across = along_y ? light.p0 : light.q0;
-    const number f = multiply_add(along, light_along, multiply_add(across, light_across, (number)1));
-    const number facing = f * light.inverse_norm, shift = light_along / f;
+    const number along = along_y ? at.y : at.x, across = along_y ? at.x : at.y;
+    const number facing = at.facing * at.inverse_norm, shift = (along_y ? at.q0 : at.p0) * at.per_facing;
     const number apart = multiply_add(across, across, (number)1), ray = multiply_add(along, along, apart);
     /* From the axis and the pixel's ray, the direction along which the surface facing the light does not change. */
     const number radial = multiply_subtract_from(along, shift, ray);
@@ -66,10 +66,9 @@ static inline extent extent_along(const number dark, const number x, const numbe
 /* The largest p in that set, with `along_y` the largest q, very large where there is none; with `turn` -1 the largest -p
  * or -q. Of two forms of the root the one in which nothing cancels.
  */
-static inline number steepest_climb(const number dark, const number x, const number y, const int along_y,
-                                    const sided turn, const direction light)
+static inline number steepest_climb(const number dark, const int along_y, const sided turn, const sight at)
 {
-    const extent ends = extent_along(dark, x, y, along_y, light);
+    const extent ends = extent_along(dark, along_y, at);
     const number square_root = root(most(ends.spread, (number)0)), tilt = turn * ends.tilt;
     const number above = tilt < (number)0 ? ends.rest : tilt + square_root;
     const number below = tilt < (number)0 ? square_root - tilt : ends.bend;
@@ -79,26 +78,23 @@ static inline number steepest_climb(const number dark, const number x, const num
 }
 
 /* Middle between the largest and the smallest p of that set, or with `along_y` of q; 0 where it is unbounded. */
-static inline number middle_of_set(const number dark, const number x, const number y, const int along_y,
-                                   const direction light)
+static inline number middle_of_set(const number dark, const int along_y, const sight at)
 {
-    const extent ends = extent_along(dark, x, y, along_y, light);
+    const extent ends = extent_along(dark, along_y, at);
     return ends.bend > (number)0 ? ends.tilt / ends.bend : (number)0;
 }
 
 /* The normal of the conic through P, pointing outwards: where the information at a pixel comes from, reversed. */
-static inline slopes normal_of_set(const number dark, const number p, const number q, const number x, const number y,
-                                   const direction light)
+static inline slopes normal_of_set(const number dark, const number p, const number q, const sight at)
 {
-    const conic lit = lit_gradients(dark, x, y, light);
+    const conic lit = lit_gradients(dark, at);
     const slopes normal = {lit.xx * p + lit.xy * q + lit.x, lit.xy * p + lit.yy * q + lit.y};
     return normal;
 }
 
 /* n, the sign of which tells the lit side from the other; times f. */
-static inline number lit_side(const number p, const number q, const number x, const number y, const direction light)
+static inline number lit_side(const number p, const number q, const sight at)
 {
-    const number f = facing_ray(x, y, light);
-    const number square = multiply_add(light.p0, light.p0, multiply_add(light.q0, light.q0, (number)1));
-    return multiply_add(f, multiply_add(x - light.p0, p, (y - light.q0) * q), square);
+    const number square_norm = multiply_add(at.p0, at.p0, multiply_add(at.q0, at.q0, (number)1));
+    return multiply_add(at.facing, multiply_add(at.x - at.p0, p, (at.y - at.q0) * q), square_norm);
 }

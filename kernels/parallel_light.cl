@@ -13,22 +13,21 @@
 /* For the upwind scheme the unknown is not Z but Z + ln f, as in light_cone.cl: so a value never falls from one cell to the
  * next and back, and there are no loops without end.
  */
-static inline direction light_at(const real *parameters)
+static inline sight sight_at(const number x, const number y, const real *parameters)
 {
-    const direction light = {parameters[LIGHT_P0], parameters[LIGHT_Q0], parameters[LIGHT_INVERSE_NORM]};
-    return light;
+    return sight_of(x, y, parameters[LIGHT_P0], parameters[LIGHT_Q0], parameters[LIGHT_INVERSE_NORM]);
 }
 
 static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
                                      const int along_y, const real *parameters)
 {
-    return middle_of_set(darkness(brightness), x, y, along_y, light_at(parameters));
+    return middle_of_set(darkness(brightness), along_y, sight_at(x, y, parameters));
 }
 
 static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
                                     const number x, const number y, const real *parameters)
 {
-    return normal_of_set(darkness(brightness), p, q, x, y, light_at(parameters));
+    return normal_of_set(darkness(brightness), p, q, sight_at(x, y, parameters));
 }
 
 /* S */

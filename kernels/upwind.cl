@@ -8,6 +8,6 @@ static inline number inner_value(const number brightness, const number here, con
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
                                  const axis y, const real *parameters)
 {
-    return least_climb(darkness(brightness), left, up, to_p, to_q, x.coordinate, y.coordinate, light_at(parameters),
+    return least_climb(darkness(brightness), left, up, to_p, to_q, sight_at(x.coordinate, y.coordinate, parameters),
                        (number)parameters[STEEPEST]);
 }

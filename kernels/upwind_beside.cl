@@ -38,13 +38,12 @@ static inline number inner_value(const number brightness, const number here, con
     for (int step = 0; step < MOST_STEPS && any_sign(as_integer(unsettled)); ++step) {
         const number square = t * t;
         const number depth = depth_at(at, square, inverse_brightness, material);
-        const direction light = towards(at, (number)1 / depth, at_x, at_y);
+        const sight seen = towards(at, (number)1 / depth, at_x, at_y);
         /* Neighbours seen from a surface that faces the lamp. */
-        const number per_facing = (number)1 / facing_ray(at_x, at_y, light);
-        const number from_left = multiply_subtract_from(left, dx * light.p0, per_facing);
-        const number from_up = multiply_subtract_from(up, dy * light.q0, per_facing);
-        const number climbed = least(highest, least_climb(dark_at(square), from_left, from_up, to_p, to_q, at_x, at_y,
-                                                          light, (number)NOWHERE));
+        const number from_left = multiply_subtract_from(left, dx * seen.p0, seen.per_facing);
+        const number from_up = multiply_subtract_from(up, dy * seen.q0, seen.per_facing);
+        const number climbed = least(highest, least_climb(dark_at(square), from_left, from_up, to_p, to_q, seen,
+                                                          (number)NOWHERE));
         const number level = logarithm(depth), excess = climbed - level;
         /* The true value lies between. Written so that a NaN stays one. */
         const number above = climbed < level ? level : climbed, below = climbed < level ? climbed : level;

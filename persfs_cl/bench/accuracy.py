@@ -90,6 +90,7 @@ UNDER_PARALLEL: dict[str, Reflectance] = {
     "Phong": ps.Phong(),
 }
 AMBIGUOUS = "Oren-Nayar 0.5"
+REFINED = (MATT, "Oren-Nayar 0.3", AMBIGUOUS)
 LAMP_ASIDE = (0.0, 0.1, 0.2, 0.3, 0.5)
 """In units of depth; the surface is about 1 away."""
 LAMP_SCHEMES = ("upwind", "Lax-Friedrichs")
@@ -175,7 +176,7 @@ def ambiguity(plan: Plan) -> Iterator[list[Record]]:
     A grey error that goes down while the error of the depth stays tells of another surface with the same photograph.
     """
     sizes = [size for size in plan.edges(_AMBIGUITY_SIZES) if size <= plan.size(_LARGEST_SIZE)]
-    for true, size in product((MATT, AMBIGUOUS), sizes):
+    for true, size in product(REFINED, sizes):
         yield _explained(plan, "ambiguity", true, _parallel_hill("frontal", "toward", true, size))
 
 
