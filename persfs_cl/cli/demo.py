@@ -69,7 +69,7 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
     )
     with writing():
         result.save(folder)
-    prepared, original = result.solution.grey_errors(), result.photo_errors()
+    prepared, original = result.prepared_errors, result.photo_errors
     typer.echo(f"""\
 A Greek coin from Pompeii, a real photograph of 72 x 72 pixels: {result.solution.iterations} iterations.
   Photographed again, the surface differs, in grey levels of 255,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -123,6 +124,12 @@ class PhotoSolution:
     unfiltered: Array
     report: Mapping[str, Any]
 
+    @cached_property
+    def prepared_errors(self) -> Errors:
+        """Difference between the re-rendered image and the one that was solved, in grey levels, 0 to 255."""
+        return self.solution.grey_errors()
+
+    @cached_property
     def photo_errors(self) -> Errors:
         """Difference between the re-rendered image and the photo itself, in grey levels, 0 to 255."""
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
@@ -147,7 +154,7 @@ class PhotoSolution:
         InputError
             When a file cannot be written.
         """
-        grey = self.photo_errors()
+        grey = self.photo_errors
         untouched = {"ambient": 0.0, "vignetting": "none"}.items() <= self.report["photo"].items()
         itself = "the photo itself" if untouched else "the photo itself, less ambient light and vignetting"
         levels = {

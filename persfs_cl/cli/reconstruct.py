@@ -360,7 +360,7 @@ def reconstruct(
 def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
-    grey, photo = solution.grey_errors(), result.photo_errors()
+    grey, photo = result.prepared_errors, result.photo_errors
     said, camera = result.report["photo"], result.report["camera"]
     steps = {
         "clipped": said["clip_highlights"] is not None,
