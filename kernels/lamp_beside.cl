@@ -9,8 +9,8 @@
  * In `brightness` stands F = I / kappa.
  */
 #define MATERIAL_FIRST (FIRST_MODEL_PARAMETER + 3) /* numbers of the material; before them O */
-#define LEAST_FAR 1.2f    /* times the lamp's distance from the camera that the surface must be away */
-#define LEAST_AHEAD 0.01f /* share of the depth that a lamp must at least be nearer than the surface, along the axis */
+#define LEAST_DEPTH 1e-3f
+#define LEAST_AHEAD 0.01f /* share of the depth that a lamp is taken to be nearer than the surface, along the axis */
 
 /* O at the scale of a pixel's ray R = (x, y, 1). */
 typedef struct {
@@ -39,10 +39,14 @@ static inline sight towards(const lamp at, const number inverse_depth, const num
     return sight_of(x, y, p0, q0, (number)1 / root(multiply_add(p0, p0, multiply_add(q0, q0, (number)1))));
 }
 
-/* Nearer than the lamp is to the camera, or nearly, a brightness belongs to no one depth. */
+/* Where the depth ends: beyond the point of the ray that is nearest to the lamp, by some margin, and beyond the lamp's
+ * plane. As in persfs_cl/lamp.py.
+ */
 static inline number nearest_depth(const lamp at)
 {
-    return root((number)(LEAST_FAR * LEAST_FAR) * at.square / at.ray);
+    const number aside = root(most((number)0, multiply_subtract_from(at.ray * at.square, at.along, at.along)));
+    const number nearest = multiply_add((number)1.05f, at.along, (number)0.25f * aside) / at.ray;
+    return most((number)LEAST_DEPTH, most((number)1.02f * at.z, nearest));
 }
 
 /* -ln c at which the depth is z: how much darker than a surface that faces the lamp. */
@@ -58,7 +62,7 @@ static inline number depth_at(const lamp at, const number square, const number i
     const number square_distance = exponential(-dimming(square, material)) * inverse_brightness;
     const number excess = multiply_add(at.along, at.along, at.ray * (square_distance - at.square));
     /* Written so that the NaN of a cell that is not swept stays one. */
-    return (at.along + root(most((number)0, excess))) / at.ray;
+    return most((number)LEAST_DEPTH, (at.along + root(most((number)0, excess))) / at.ray);
 }
 
 /* 1 - E^2 with E = cos theta, as light_cone.cl has it. */

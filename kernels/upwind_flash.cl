@@ -1,7 +1,7 @@
 /* New values of cells by the upwind scheme, for a light at the camera: the steeper the surface, the larger the ellipse of
  * its gradients, and the lower Z must lie for the brightness seen:
  *
- *     Z = U(t)    the least climb from the neighbours, over edges and triangle as in upwind.cl, at steepness t: rises with t
+ *     Z = U(t)    the least climb from the neighbours, over edges and triangle as in climb.cl, at steepness t: rises with t
  *     Z = D(t) = -(ln F + dimming(t)) / 2                                                                  falls with t
  *
  * In coordinates around the centre of the ellipse U = base + l, l^2 = offset + slope t^2, for an edge (offset 0) and for
@@ -70,7 +70,7 @@ static inline void meet(const number *base, const number *offset, const number *
         }
 }
 
-/* `to_p` and `to_q` as in upwind.cl. */
+/* `to_p` and `to_q` as in climb.cl. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
                                  const axis y, const real *parameters)
@@ -111,5 +111,7 @@ static inline number inner_value(const number brightness, const number here, con
     const number triangle = accepted > (number)0 ? found[1] : (number)NOWHERE;
 
     const number highest = least(left + parameters[STEP_X], up + parameters[STEP_Y]);
-    return least(highest, least(triangle, found[0]));
+    /* No value lies above that of a surface which faces the light. */
+    const number facing = (number)(-0.5f) * (shade + dimming((number)0, material));
+    return least(least(highest, facing), least(triangle, found[0]));
 }

@@ -6,14 +6,13 @@ one does. The Lax-Friedrichs scheme has the lamp at the camera.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.models import Model
-from persfs_cl.problem import Problem
+from persfs_cl.problem import Problem, nearest_depth
 from persfs_cl.reference import brightness
 from persfs_cl.reflectance import Lambertian
 from persfs_cl.surface import log_depth_gradient
@@ -30,13 +29,10 @@ _DIMMEST = 0.1
 """Where the lamp beside the camera gives less than this share of what the equation has, the share is not used: the
 surface turns its back to the lamp, or nearly."""
 
+_DARKEST = 1e-9
 _SMOOTHINGS = 16
 """Of the share, over about 3 pixels. It depends on the slopes, in which rounding and the steps of pixels show; where
 the surface faces the camera these would come back larger from every round."""
-
-
-_NEAREST = 1.2
-"""As LEAST_FAR in kernels/lamp_beside.cl: how many times as far from the camera as the lamp a surface must be."""
 
 
 def in_rounds(model: Model, scheme: str) -> bool:
@@ -45,11 +41,10 @@ def in_rounds(model: Model, scheme: str) -> bool:
 
 
 def too_near(problem: Problem, depth: Array) -> NDArray[np.bool_]:
-    """Pixels hardly farther from the camera than a lamp beside it, where a brightness belongs to several depths."""
+    """Solved pixels at the nearest depth that the equation of a lamp beside the camera has."""
     if not (problem.model.beside_camera and problem.scheme == "upwind"):
         return np.zeros(depth.shape, bool)
-    grid, reach = problem.grid, _NEAREST * math.hypot(*problem.model.flash.offset)
-    return np.asarray(depth * np.sqrt(1.0 + grid.x**2 + grid.y**2) <= 1.001 * reach)
+    return problem.domain.solved & (depth <= 1.001 * nearest_depth(problem.model.flash, problem.grid.x, problem.grid.y))
 
 
 def as_solved(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_]]:
@@ -80,7 +75,9 @@ def as_solved(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_
     given = brightness(*surface, lamp, model.reflectance)
     there = np.isfinite(depth)
     dim = there & ~(given >= _DIMMEST * had)
-    logarithm = np.log(np.where(there, had, 1.0) / np.where(there, np.maximum(given, _DIMMEST * had), 1.0))
+    # Neither is above 0 where the surface is turned away.
+    had = np.where(there, np.maximum(had, _DARKEST), 1.0)
+    logarithm = np.log(had / np.where(there, np.clip(given, _DIMMEST * had, had / _DIMMEST), 1.0))
     weight = _smoothed(there.astype(np.float64))
     share = np.exp(np.divide(_smoothed(logarithm), weight, out=np.zeros_like(weight), where=there))
     return problem.relit(problem.image * share), dim

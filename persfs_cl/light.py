@@ -12,6 +12,7 @@ import numpy as np
 from persfs_cl.errors import InputError
 
 _STEEPEST = 1e3
+_FARTHEST = 1e9
 """Beyond this slope the light grazes the image plane at less than a tenth of a degree."""
 
 
@@ -95,10 +96,10 @@ class FlashLight:
             )
         offset = self.offset
         numbers = tuple(map(finite_number, offset)) if isinstance(offset, (Sequence, np.ndarray)) else ()
-        if len(numbers) != 3 or any(map(math.isnan, numbers)):
+        if len(numbers) != 3 or not all(abs(number) <= _FARTHEST for number in numbers):
             raise InputError(
-                f"offset={offset!r} is not a place: give three finite numbers, (right, down, forward) from the optical "
-                "centre in units of depth, (0, 0, 0) for a light at the camera."
+                f"offset={offset!r} is not a place: give three numbers up to {_FARTHEST:g}, (right, down, forward) "
+                "from the optical centre in units of depth, (0, 0, 0) for a light at the camera."
             )
         object.__setattr__(self, "falloff", bool(self.falloff))
         object.__setattr__(self, "gain", gain)

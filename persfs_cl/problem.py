@@ -334,32 +334,41 @@ def _at_unit_distance(
     shading /= light.gain
     first = np.zeros_like(shading)
     for rows in row_blocks(shading.shape):
-        square_ray = 1.0 + grid.x**2 + grid.y[rows] ** 2
+        x, y, inside = grid.x, grid.y[rows], solved[rows]
+        if not beside:
+            shading[rows] *= 1.0 + x**2 + y**2
+        square_distance = model.reflectance.brightest / shading[rows]
         if beside:
-            right, below, ahead = light.offset
-            along = right * grid.x + below * grid.y[rows] + ahead
-            square_distance = model.reflectance.brightest / shading[rows]
-            excess = along**2 + square_ray * (square_distance - (right**2 + below**2 + ahead**2))
-            depth = (along + np.sqrt(np.maximum(excess, 0.0))) / square_ray
-            _require_in_front(depth[solved[rows]], light)
-            first[rows][solved[rows]] = np.log(depth[solved[rows]])
-            continue
-        shading[rows] *= square_ray
-        first[rows][solved[rows]] = 0.5 * np.log(model.reflectance.brightest / shading[rows][solved[rows]])
+            first[rows][inside] = np.log(_depth_facing(light, square_distance, x, y)[inside])
+        else:
+            first[rows][inside] = 0.5 * np.log(square_distance[inside])
     level = float(np.median(first[solved], overwrite_input=True))
     shading *= np.exp(2.0 * level)
     first -= level
     return shading, first, level
 
 
-def _require_in_front(depth: NDArray[np.float64], light: FlashLight) -> None:
-    """Check that the lamp is not so far ahead, or so far aside, that what it lights would lie behind camera or lamp."""
-    if depth.size and not depth.min() > max(0.0, light.offset[2]):
-        raise InputError(
-            f"image is so bright at {int(np.count_nonzero(depth <= max(0.0, light.offset[2])))} pixels that they would "
-            f"lie behind the camera or the lamp of light={light!r}: give the gain that belongs to the image, or the "
-            "offset in the unit that the gain sets."
-        )
+def nearest_depth(light: FlashLight, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Depth at which the equation of a lamp beside the camera ends, of rays (x, y, 1): as in kernels/lamp_beside.cl.
+
+    It lies beyond the point of the ray that is nearest to the lamp, by some margin, and beyond the lamp's plane.
+    """
+    right, below, ahead = light.offset
+    square_ray, along = 1.0 + x**2 + y**2, right * x + below * y + ahead
+    square = right**2 + below**2 + ahead**2
+    aside = np.sqrt(np.maximum(0.0, square_ray * square - along**2))
+    nearest = np.maximum((1.05 * along + 0.25 * aside) / square_ray, 1.02 * ahead)
+    return np.maximum(nearest, 1e-3 * math.sqrt(square))
+
+
+def _depth_facing(
+    light: FlashLight, square_distance: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The farther depth at which a ray is so far from the lamp, or else the nearest that there is."""
+    right, below, ahead = light.offset
+    square_ray, along = 1.0 + x**2 + y**2, right * x + below * y + ahead
+    excess = along**2 + square_ray * (square_distance - (right**2 + below**2 + ahead**2))
+    return np.maximum((along + np.sqrt(np.maximum(excess, 0.0))) / square_ray, nearest_depth(light, x, y))
 
 
 def _largest(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> float:

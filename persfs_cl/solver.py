@@ -83,10 +83,10 @@ def reconstruct(
     light : ParallelLight or FlashLight
         A frontal parallel light by default. Under a flash that fades with distance the image alone determines the
         depth, in the unit of the gain: no known values, no choice of `surface`. A lamp beside the camera is where it is
-        in the upwind scheme, and a Lambertian surface may be anywhere before it, without shadows. Other materials
-        shade there by the angle to the lamp alone, and for the Lax-Friedrichs scheme the lamp is at the camera: then
-        the image is corrected by what the surface found says of that, and solved again, in up to 10 rounds. That is
-        for a lamp not farther off than a tenth of the depth or so.
+        in the upwind scheme, for a Lambertian surface that lies in no shadow and leads away from the lamp at every
+        edge, or has known depths there. Other materials shade there by the angle to the lamp alone, and for the
+        Lax-Friedrichs scheme the lamp is at the camera: then the image is corrected by what the surface found says of
+        that, and solved again, in up to 10 rounds, for a lamp not farther off than a tenth of the depth or so.
     reflectance : Lambertian, OrenNayar or Phong
         Under a parallel light others than Lambertian are for the Lax-Friedrichs scheme, and an image is on the scale of
         what the material returns.
@@ -290,9 +290,9 @@ def reconstruct_batch(
         rounds = None
         if lamp.in_rounds(model, scheme):
             rounds = _correct_photographs(chosen, problems, results, run, options, watch)
-        cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
         for problem, (_, depth) in zip(problems, results, strict=True):
             _warn_if_too_near(problem, depth)
+        cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
         elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
@@ -466,7 +466,12 @@ class _Run:
         run._advance(device, kernels, options, callback)
         if options.accuracy_order == 2:
             corrected = [place for place, status in enumerate(run.statuses) if status is Status.CONVERGED]
+            first_order = {place: run.grids[place].log_depth.copy() for place in corrected}
             for only_lower in (False, True):
+                if only_lower:
+                    # What does not settle may have gone anywhere.
+                    for place in corrected:
+                        run.grids[place].log_depth[:] = first_order[place]
                 run._advance(device, kernels, options, callback, corrected, only_lower=only_lower)
                 corrected = [place for place in corrected if run.statuses[place] is Status.MAX_ITERATIONS]
         return run
@@ -526,9 +531,9 @@ class _Run:
 def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
     if count := int(np.count_nonzero(lamp.too_near(problem, depth))):
         warnings.warn(
-            f"{count} pixels come hardly farther from the camera than the lamp of light={problem.model.light!r} is, "
-            "where a brightness belongs to several depths: do not rely on them. Have the lamp nearer, or check its "
-            "offset, which is in the unit of depth that the gain sets.",
+            f"{count} pixels come out as near to the camera as the lamp of light={problem.model.light!r}, where their "
+            "depth ends: do not rely on them. Mask out what is too bright, or check the lamp's place and its gain, "
+            "which go by the same unit of depth.",
             stacklevel=4,
         )
 

@@ -38,13 +38,15 @@ def test_wavefront_gives_the_bits_of_lexicographic(device: ps.Device, precision:
     np.testing.assert_array_equal(one.changes, other.changes)
 
 
-def test_three_colours_reach_the_same_surface(device: ps.Device) -> None:
+def test_three_colours_reach_the_same_surface(device: ps.Device, precision: str) -> None:
     scene = hillside(51)
     one, other = (
-        solved(scene, device, ordering=ordering, tolerance=1e-7) for ordering in ("wavefront", "checkerboard")
+        solved(scene, device, ordering=ordering, tolerance=1e-7, precision=precision)
+        for ordering in ("wavefront", "checkerboard")
     )
     assert other.parameters["sweep"] == "three_colours"
-    np.testing.assert_allclose(one.depth, other.depth, rtol=1e-5)
+    # Which pixels look smooth enough may depend on rounding, here at a corner.
+    np.testing.assert_allclose(one.depth, other.depth, rtol=1e-3 if precision == "float32" else 1e-9)
 
 
 def test_a_silhouette_is_left_no_worse(device: ps.Device) -> None:
