@@ -70,7 +70,8 @@ class FlashLight:
         unit of depth: 100 times the gain makes every depth 10 times as large.
     offset : (float, float, float)
         Where the lamp is, from the optical centre, in units of depth along the camera's axes (x right, y down,
-        z forward). (0, 0, 0) is a coaxial light.
+        z forward). (0, 0, 0) is a coaxial light. A lamp that is seen an angle away from the camera, from depth d, is
+        d times its tangent aside.
 
     Raises
     ------

@@ -6,6 +6,7 @@ import errno
 import inspect
 import io
 import json
+import math
 import os
 import signal
 import subprocess
@@ -220,6 +221,16 @@ def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
     assert report["photo"]["albedo"] == str(tmp_path / "albedo.npy")
     depth = np.load(tmp_path / "out" / "depth.npy")
     assert ps.compare(depth, SCENE.depth).mean < 0.05 * np.ptp(SCENE.depth), "depth in its unit, with nothing known"
+
+
+def test_the_place_of_the_lamp_may_be_an_angle(tmp_path: Path) -> None:
+    light = ps.FlashLight(offset=(0.0, -math.tan(math.radians(6)), 0.05))
+    scene = ps.hillside((HEIGHT, WIDTH), light=light, focal_length=WIDTH)
+    tifffile.imwrite(tmp_path / "photo.tif", scene.image)
+    lamp = ("--light=flash", "--lamp=0,-6deg,0.05")
+    assert run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *lamp).status == 0
+    given = strict(tmp_path / "out" / "report.json")["parameters"]["light"]["offset"]
+    assert given == pytest.approx(light.offset)
 
 
 @pytest.mark.parametrize("white", [None, 2.0])
@@ -481,6 +492,8 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "slope of a flash": (("--light=flash", "--p0=0"), 2, ("--p0", "goes with --light parallel, not flash")),
     "gain of 0": (("--light=flash", "--gain=0"), 2, ("--gain", "above 0")),
     "flat lamp": (("--light=flash", "--lamp=1,2"), 2, ("--lamp", "1,2", "three numbers")),
+    "lamp at a right angle": (("--light=flash", "--lamp=90deg,0,0"), 2, ("--lamp", "90deg,0,0", "between -80 and 80")),
+    "lamp at no angle": (("--light=flash", "--lamp=1.2.3deg,0,0"), 2, ("--lamp", "1.2.3deg,0,0", "as in 5deg")),
     "flash with a side": (("--light=flash", "--surface=toward"), 2, ("--surface toward", "Leave the option out")),
     "normalised flash": (("--light=flash", "--normalise=grey"), 2, ("--normalise", "leave it out")),
     "white flash": (("--light=flash", "--white-percentile=99"), 2, ("--white-percentile", "leave it out")),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ _CAMERA, _LIGHT, _MATERIAL, _DEVICE = "Camera", "Light", "Material", "Device"
 _EITHER = "'--focal-length' / '--fov'"
 _WIDE = 120.0
 """Degrees that hardly any lens sees which draws straight lines straight."""
+_LARGEST_ANGLE = 80.0
 
 
 def finite(value: float | None) -> float | None:
@@ -121,7 +123,7 @@ LampOption = Annotated[
         "--lamp",
         metavar="X,Y,Z",
         help="Where the flash is, to the right of the camera, below it and in front of it, in units of depth; 0,0,0 by "
-        "default.",
+        "default. Or as an angle between camera and flash, seen from depth 1: 0,-5deg,0.",
         rich_help_panel=_LIGHT,
     ),
 ]
@@ -288,7 +290,7 @@ def chosen_light(
     typer.BadParameter
         When an option belongs to the other light, or a number is impossible.
     """
-    offset = None if lamp is None else tuple(_numbers("--lamp", lamp, "three numbers, right,down,forward", (3,), ""))
+    offset = None if lamp is None else _place_of_lamp(lamp)
     keywords = _own(
         "--light",
         kind,
@@ -350,6 +352,23 @@ def _own(option: str, choice: str, given: Mapping[str, Mapping[str, tuple[str, A
             if value is not None and other != choice:
                 raise typer.BadParameter(f"goes with {option} {other}, not {choice}: leave it out.", param_hint=name)
     return {keyword: value for keyword, value in given[choice].values() if value is not None}
+
+
+def _place_of_lamp(text: str) -> tuple[float, ...]:
+    """Numbers, or angles such as 5deg between camera and lamp, as seen from depth 1."""
+    parts = [re.fullmatch(r"\s*([-+]?[\d.]+)deg\s*", part) or part for part in text.split(",")]
+    try:
+        tangents = [part if isinstance(part, str) else str(_tangent(float(part[1]))) for part in parts]
+    except ValueError as error:
+        message = f"{text!r} is not a place: an angle is a number of degrees between -80 and 80, as in 5deg."
+        raise typer.BadParameter(message, param_hint="'--lamp'") from error
+    return tuple(_numbers("--lamp", ",".join(tangents), "three numbers, right,down,forward", (3,), ""))
+
+
+def _tangent(degrees: float) -> float:
+    if abs(degrees) > _LARGEST_ANGLE:
+        raise ValueError(degrees)
+    return math.tan(math.radians(degrees))
 
 
 def _numbers(option: str, text: str, meaning: str, counts: tuple[int, ...], unit: str = ", in pixels") -> list[float]:
