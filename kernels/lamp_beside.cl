@@ -56,6 +56,14 @@ static inline number dimmed_at(const lamp at, const number z, const number brigh
     return -logarithm(brightness * square_distance);
 }
 
+/* t^2 at a depth, up to that of the steepest slope. */
+static inline number square_at(const lamp at, const number z, const number brightness, const real *parameters)
+{
+    const number dimmed = most((number)0, dimmed_at(at, z, brightness));
+    const number steepest = (number)(2 * parameters[STEEPEST]) * at.ray;
+    return square_of(dimmed, steepest * steepest, parameters + MATERIAL_FIRST);
+}
+
 /* The depth at which c is that of t^2: the farther of two that are at the right distance from the lamp. */
 static inline number depth_at(const lamp at, const number square, const number inverse_brightness, const real *material)
 {
@@ -82,11 +90,10 @@ static inline present present_set(const number brightness, const number here, co
                                   const real *parameters)
 {
     const lamp at = lamp_at(x, y, parameters);
-    const number z = exponential(here), dimmed = most((number)0, dimmed_at(at, z, brightness));
-    const number steepest = (number)(2 * parameters[STEEPEST]) * at.ray;
+    const number z = exponential(here);
     const sight seen = towards(at, (number)1 / z, x, y);
     const present result = {seen,
-                            dark_at(square_of(dimmed, steepest * steepest, parameters + MATERIAL_FIRST)),
+                            dark_at(square_at(at, z, brightness, parameters)),
                             {-seen.p0 * seen.per_facing, -seen.q0 * seen.per_facing}};
     return result;
 }

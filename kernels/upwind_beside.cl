@@ -24,11 +24,8 @@ static inline number inner_value(const number brightness, const number here, con
     const lamp at = lamp_at(at_x, at_y, parameters);
     const sided dx = 1 / (2 * to_p), dy = 1 / (2 * to_q);
     const number highest = least(left + parameters[STEP_X], up + parameters[STEP_Y]);
-    const number steepest = (number)(2 * parameters[STEEPEST]) * at.ray, most_square = steepest * steepest;
-    const number dimmed = most((number)0, dimmed_at(at, exponential(here), brightness));
-    const number most_dimmed = most((number)0, dimmed_at(at, nearest_depth(at), brightness));
-    const number last = least(steepest, root(square_of(most_dimmed, most_square, material)));
-    number t = least(last, root(square_of(dimmed, most_square, material)));
+    const number last = root(square_at(at, nearest_depth(at), brightness, parameters));
+    number t = least(last, root(square_at(at, exponential(here), brightness, parameters)));
 
     const number rise_x = magnitude(dx) * root(multiply_add(at_y, at_y, (number)1));
     const number rise_y = magnitude(dy) * root(multiply_add(at_x, at_x, (number)1));

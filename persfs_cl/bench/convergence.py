@@ -58,7 +58,7 @@ def convergence(plan: Plan) -> Iterator[list[Record]]:
 
 def _run(plan: Plan, problem: Problem, ordering: str, limit: NDArray[np.floating]) -> tuple[list[float], list[float]]:
     """Errors, and seconds since the start, after each iteration."""
-    sweeps = sweeper(plan.device, [problem], ordering, plan.precision)
+    sweeps = sweeper(plan.device, problem, ordering, plan.precision)
     errors: list[float] = []
     seconds: list[float] = []
     while len(errors) < _MAX_ITERATIONS and (not errors or errors[-1] > _GOAL):
@@ -71,7 +71,7 @@ def _run(plan: Plan, problem: Problem, ordering: str, limit: NDArray[np.floating
 def _limit(plan: Plan, problem: Problem) -> NDArray[np.floating]:
     """What the iteration tends to, in the best precision that the device has."""
     precision = "float64" if plan.device.has_float64 else "float32"
-    sweeps = sweeper(plan.device, [problem], "wavefront", precision)
+    sweeps = sweeper(plan.device, problem, "wavefront", precision)
     for _ in range(0, _MAX_ITERATIONS, 10):
         if sweeps.run(10)[-1, 0] <= _LIMIT:
             break

@@ -40,12 +40,13 @@ def orderings(plan: Plan) -> Iterator[list[Record]]:
     size, precision = plan.size(), plan.precision
     peers, skipped = available("orderings", (PLAIN_C, "numba"), size, precision)
     subjects = []
-    for scheme, ordering in product(plan.schemes_or(SCHEMES), plan.orderings):
+    for scheme in plan.schemes_or(SCHEMES):
         problem = smooth_problem(size, scheme)
-        sweeps = sweeper(plan.device, [problem], ordering, precision)
-        if steps_by_sweeps(sweeps):
-            subjects.append(sweeps_alone(_named(ordering, scheme), plan.device, sweeps, problem))
-        subjects.append(iterations(_named(f"{ordering}, iterations", scheme), sweeps, problem))
+        for ordering in plan.orderings:
+            sweeps = sweeper(plan.device, problem, ordering, precision)
+            if steps_by_sweeps(sweeps):
+                subjects.append(sweeps_alone(_named(ordering, scheme), plan.device, sweeps, problem))
+            subjects.append(iterations(_named(f"{ordering}, iterations", scheme), sweeps, problem))
     yield measured(plan, "orderings", size, precision, [*subjects, *peers]) + skipped
     small = plan.size(_NUMPY_SIZE)
     yield measured(plan, "orderings", small, "float64", [numpy_peer(small)])
@@ -92,7 +93,7 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
         for ordering, candidates in _candidates(plan, size).items():
             chosen = Tuning.of(plan.device, ordering, (size, size), 1)
             for tuning in (chosen, *candidates):
-                sweeps = sweeper(plan.device, [problem], ordering, plan.precision, tuning)
+                sweeps = sweeper(plan.device, problem, ordering, plan.precision, tuning)
                 subject = iterations("", sweeps, problem)
                 name, detail = _named(subject.detail, scheme), "chosen" if tuning is chosen else ""
                 subjects.setdefault(name, replace(subject, name=name, detail=detail))
@@ -172,10 +173,11 @@ def memory(plan: Plan) -> Iterator[list[Record]]:
 
 def _iterations(plan: Plan, size: int, orderings: Sequence[str], *, images: int = 1) -> list[Subject]:
     subjects = []
-    for scheme, ordering in product(plan.schemes_or(), orderings):
+    for scheme in plan.schemes_or():
         problem = smooth_problem(size, scheme)
-        sweeps = sweeper(plan.device, [problem] * images, ordering, plan.precision)
-        subjects.append(iterations(_named(ordering, scheme), sweeps, problem))
+        for ordering in orderings:
+            sweeps = sweeper(plan.device, problem, ordering, plan.precision, images=images)
+            subjects.append(iterations(_named(ordering, scheme), sweeps, problem))
     return subjects
 
 

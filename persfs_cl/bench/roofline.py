@@ -48,7 +48,7 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     works["multiply-adds"] = _on_device(plan, multiply)
     subjects: dict[str, Subject] = {}
     for ordering in plan.orderings:
-        sweeps = sweeper(device, [problem], ordering, plan.precision)
+        sweeps = sweeper(device, problem, ordering, plan.precision)
         alone = steps_by_sweeps(sweeps)
         subjects[ordering] = (
             sweeps_alone(ordering, device, sweeps, problem) if alone else iterations(ordering, sweeps, problem)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,16 +73,18 @@ def swept_cells(problem: Problem) -> int:
 
 def sweeper(
     device: Device,
-    problems: Sequence[Problem],
+    problem: Problem,
     ordering: str,
     precision: str,
     tuning: Tuning | None = None,
+    *,
+    images: int = 1,
 ) -> Sweeper:
-    """Images of one model and scheme on the device; they never rest."""
+    """So many times the same image on the device; they never rest."""
     return Sweeper(
         device,
-        [problem.numbers for problem in problems],
-        model=problems[0].model.kernels_with(problems[0].scheme),
+        [problem.numbers] * images,
+        model=problem.model.kernels_with(problem.scheme),
         ordering=ordering,
         precision=precision,
         tolerance=_NEVER,

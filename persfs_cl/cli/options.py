@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -356,18 +355,20 @@ def _own(option: str, choice: str, given: Mapping[str, Mapping[str, tuple[str, A
 
 def _place_of_lamp(text: str) -> tuple[float, ...]:
     """Numbers, or angles such as 5deg between camera and lamp, as seen from depth 1."""
-    parts = [re.fullmatch(r"\s*([-+]?[\d.]+)deg\s*", part) or part for part in text.split(",")]
     try:
-        tangents = [part if isinstance(part, str) else str(_tangent(float(part[1]))) for part in parts]
+        parts = [str(_tangent(part)) if part.strip().endswith("deg") else part for part in text.split(",")]
     except ValueError as error:
         message = f"{text!r} is not a place: an angle is a number of degrees between -80 and 80, as in 5deg."
         raise typer.BadParameter(message, param_hint="'--lamp'") from error
-    return tuple(_numbers("--lamp", ",".join(tangents), "three numbers, right,down,forward", (3,), ""))
+    return tuple(_numbers("--lamp", ",".join(parts), "three numbers, right,down,forward", (3,), ""))
 
 
-def _tangent(degrees: float) -> float:
-    if abs(degrees) > _LARGEST_ANGLE:
-        raise ValueError(degrees)
+def _tangent(angle: str) -> float:
+    """Of an angle such as 5deg."""
+    degrees = float(angle.strip().removesuffix("deg"))
+    # Written so that a NaN is refused too.
+    if not abs(degrees) <= _LARGEST_ANGLE:
+        raise ValueError(angle)
     return math.tan(math.radians(degrees))
 
 
