@@ -54,7 +54,7 @@ static inline void update_colour(__global real *log_depth,          /* of one im
         number value = value_from_all_sides(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
 #if RIM_CELLS
         if (any_sign(as_integer(shading))) {
-            const integer missing = LOAD_FLAGS(flags + begin + at);
+            const integer missing = GATHER(integer, flags + begin + at, 1);
             const number rim = rim_value(magnitude(shading), missing, here, left, right, up, down, x, y, parameters);
             value = as_integer(shading) < 0 ? rim : value;
         }

@@ -7,11 +7,13 @@
 #if USE_DOUBLE
 #define MANTISSA_BITS 52
 #define MANTISSA_MASK 0xfffffffffffffL
+#define WHOLE ((number)6755399441055744.0)
 #define EXPONENT_BIAS 1023
 #define LARGEST_EXPONENT ((number)708)
 #else
 #define MANTISSA_BITS 23
 #define MANTISSA_MASK 0x7fffff
+#define WHOLE ((number)12582912.0f)
 #define EXPONENT_BIAS 127
 #define LARGEST_EXPONENT ((number)87)
 #endif
@@ -20,13 +22,21 @@
 #define LN_2_HIGH ((number)0.693145751953125)
 #define LN_2_LOW ((number)1.42860682030941723212e-6)
 
+/* WHOLE is 3/2 of a power of 2 so large that its last bit counts ones: added to a number it rounds it to a whole one, which
+ * then stands in the last bits. So numbers and integers, of less than a million, become each other without the library.
+ */
+static inline number number_of(const integer whole)
+{
+    return as_number(as_integer(WHOLE) + whole) - WHOLE;
+}
+
 #define POWER_OF_2(exponent) as_number(((exponent) + EXPONENT_BIAS) << MANTISSA_BITS)
 
 /* ln a of a normal number above 0: the exponent by its bits, and 2 artanh s = 2 (s + s^3 / 3 + s^5 / 5 + ...). */
 static inline number logarithm(const number a)
 {
     const integer bits = as_integer(a);
-    const number whole = convert_number((bits >> MANTISSA_BITS) - EXPONENT_BIAS);
+    const number whole = number_of((bits >> MANTISSA_BITS) - EXPONENT_BIAS);
     const number part = as_number((bits & MANTISSA_MASK) | as_integer((number)1));
     const number exponent = part > (number)1.41421356f ? whole + (number)1 : whole;
     const number mantissa = part > (number)1.41421356f ? part * (number)0.5f : part;
@@ -54,9 +64,8 @@ static inline number logarithm(const number a)
 static inline number exponential(const number a)
 {
     const number bounded = least(LARGEST_EXPONENT, most(-LARGEST_EXPONENT, a));
-    const number rounding = bounded < (number)0 ? (number)-0.5f : (number)0.5f;
-    const integer n = convert_integer(bounded * ((number)1 / LN_2) + rounding);
-    const number whole = convert_number(n);
+    const number shifted = bounded * ((number)1 / LN_2) + WHOLE, whole = shifted - WHOLE;
+    const integer n = as_integer(shifted) - as_integer(WHOLE);
     const number r = multiply_subtract_from(multiply_subtract_from(bounded, whole, LN_2_HIGH), whole, LN_2_LOW);
 #if USE_DOUBLE
     number sum = (number)(1.0 / 6227020800.0);

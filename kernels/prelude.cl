@@ -1,8 +1,8 @@
 /* What every program begins with: number types, multiply-add, and the meaning of a cell's flags.
  *
  * USE_DOUBLE  0 or 1: the real type.
- * LANES       1, 4 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an
- *             integer of the same width. Strips are written for 8 alone.
+ * LANES       1, 2, 4 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an
+ *             integer of the same width. No more than a register of the compiler's holds: see registers.cl.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
  * ONLY_LOWER  0 or 1: whether values only fall; they may rise by the correction to second order.
  * FUSED       1: multiply-add is the library's; 0: a product and a sum that the compiler contracts, where the former is a
@@ -41,8 +41,6 @@ typedef WIDE(REAL) number;
 typedef WIDE(INTEGER) integer;
 #define as_integer JOIN(as_, WIDE(INTEGER))
 #define as_number JOIN(as_, WIDE(REAL))
-#define convert_integer JOIN(convert_, WIDE(INTEGER))
-#define convert_number JOIN(convert_, WIDE(REAL))
 
 /* What depends on the direction in which one looks for the neighbours before a cell. At first order all lanes look where
  * the sweep comes from, at second order each looks where its information comes from.
@@ -58,11 +56,22 @@ typedef real sided;
 typedef number unaligned __attribute__((aligned(sizeof(real))));
 #define LOAD(from) (*(__global const unaligned *)(from))
 #define STORE(to, value) (*(__global unaligned *)(to) = (value))
-#define LOAD_FLAGS(from) convert_integer(JOIN(vload, LANES)(0, (from)))
 #else
 #define LOAD(from) (*(from))
 #define STORE(to, value) (*(to) = (value))
-#define LOAD_FLAGS(from) (*(from))
+#endif
+
+/* `from` at 0, `apart`, 2 apart, ... for each lane. A conversion would be a call of the library. */
+#if LANES == 8
+#define GATHER(wide, from, apart)                                                                                      \
+    ((wide)((from)[0], (from)[apart], (from)[2 * (apart)], (from)[3 * (apart)], (from)[4 * (apart)],                   \
+            (from)[5 * (apart)], (from)[6 * (apart)], (from)[7 * (apart)]))
+#elif LANES == 4
+#define GATHER(wide, from, apart) ((wide)((from)[0], (from)[apart], (from)[2 * (apart)], (from)[3 * (apart)]))
+#elif LANES == 2
+#define GATHER(wide, from, apart) ((wide)((from)[0], (from)[apart]))
+#else
+#define GATHER(wide, from, apart) ((wide)(from)[0])
 #endif
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -109,6 +118,8 @@ static inline number root(const number a)
     return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3), ROOT(a.s4), ROOT(a.s5), ROOT(a.s6), ROOT(a.s7));
 #elif LANES == 4 && BUILTINS
     return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3));
+#elif LANES == 2 && BUILTINS
+    return (number)(ROOT(a.s0), ROOT(a.s1));
 #else
     return ROOT(a);
 #endif
@@ -144,10 +155,12 @@ static inline int any_sign(const integer bits)
 #if LANES > 1
 #if LANES == 8
     const JOIN(INTEGER, 4) four = bits.lo | bits.hi;
-#else
-    const integer four = bits;
-#endif
     const JOIN(INTEGER, 2) two = four.lo | four.hi;
+#elif LANES == 4
+    const JOIN(INTEGER, 2) two = bits.lo | bits.hi;
+#else
+    const integer two = bits;
+#endif
 #if USE_DOUBLE
     return (two.x | two.y) < 0;
 #else

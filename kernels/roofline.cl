@@ -1,10 +1,6 @@
 /* What a device can do at best, to measure the sweeps against: copies without arithmetic, arithmetic without memory. */
 
-#if LANES == 8
-typedef float16 block;
-#else
 typedef float4 block;
-#endif
 
 /* One work-item copies one block: global size (blocks,). */
 __kernel void copy(__global const block *from, /* shape (blocks,) */
@@ -34,9 +30,13 @@ __kernel void multiply_adds(__global real *results, /* what keeps the chains fro
     number sum = chains[0];
     for (int k = 1; k < CHAINS; ++k)
         sum += chains[k];
-#if LANES == 8
-    results[get_global_id(0)] = sum.s0 + sum.s1 + sum.s2 + sum.s3 + sum.s4 + sum.s5 + sum.s6 + sum.s7;
-#else
-    results[get_global_id(0)] = sum;
-#endif
+    union {
+        number all;
+        real lane[LANES];
+    } each;
+    each.all = sum;
+    real total = 0;
+    for (int k = 0; k < LANES; ++k)
+        total += each.lane[k];
+    results[get_global_id(0)] = total;
 }

@@ -1,6 +1,6 @@
 /* A strip of the wavefront: vectors skewed over rows, bit for bit what a scalar loop over the cells gives.
  *
- * A strip is STRIP_ROWS = 8 VECTORS rows high. One work-item runs along it; in step t the lane of row r updates column
+ * A strip is STRIP_ROWS = LANES VECTORS rows high. One work-item runs along it; in step t the lane of row r updates column
  * t - r, so that all lanes stand on one anti-diagonal and none reads another's new value of this step:
  *
  *            column  0 1 2 3 4 5 6 7          left of a lane:  its own result of the step before
@@ -12,22 +12,47 @@
  * lanes further up; right and down from the old values two columns ahead, down from two lanes further down. They are
  * loaded REACH columns ahead.
  *
- * Left and up never leave the registers. A vector has 8 rows; several of them a strip hide the latency of the
- * square root. Eight steps make a block: eight unaligned loads, one a row and each a column further back, transposed in
- * registers, give the lanes of eight steps, and the results go back the same way. So the arrays stay row-major and in
- * place, for all four directions. They are padded by STRIP_ROWS + 8 columns, and by rows to whole strips and REACH more, on
- * either side; the column table holds its numbers once more in reverse, shape (6, stride).
+ * Left and up never leave the registers. A vector has LANES rows, here 8; several of them a strip hide the latency of the
+ * square root. LANES steps make a block: as many unaligned loads, one a row and each a column further back, transposed in
+ * registers, give the lanes of these steps, and the results go back the same way. So the arrays stay row-major and in
+ * place, for all four directions. They are padded by STRIP_ROWS + LANES columns, and by rows to whole strips and REACH
+ * more, on either side; the column table holds its numbers once more in reverse, shape (6, stride).
  */
-#define STRIP_ROWS (8 * VECTORS)
-#define APART 32 /* from the progress of one strip to that of the next: not in one cache line, nor in a pair of them */
-#define AHEAD 24 /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
-#define LEAD 8   /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
-#define EVERY 4  /* so many blocks are told of at a time: a processor that tells must wait for its stores to be done */
-#define UNROLLED (REACH == 2 ? 1 : 8) /* steps: those of reach 2 are so long that it would gain nothing */
+#define STRIP_ROWS (LANES * VECTORS)
+#define APART 32           /* from the progress of one strip to that of the next: not in one cache line, nor in a pair of them */
+#define AHEAD 24           /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
+#define LEAD (64 / LANES)  /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
+#define EVERY (32 / LANES) /* so many are told of at a time: a processor that tells must wait for its stores to be done */
+#define UNROLLED (REACH == 2 ? 1 : LANES) /* steps: those of reach 2 are so long that it would gain nothing */
 
-/* Lane k of vector i and lane i of vector k change places: three rounds of shuffles. */
+/* Lanes moved along: that of every row to the next row below it (the lane of row 0 stays), or to the one above; by two. */
+#if LANES == 8
+#define LAST s7
+#define LAST_BUT_ONE s6
+#define TO_BELOW(lanes) (lanes).s00123456
+#define TO_ABOVE(lanes) (lanes).s12345677
+#define TWO_TO_BELOW(lanes) (lanes).s00012345
+#define TWO_TO_ABOVE(lanes) (lanes).s23456777
+#elif LANES == 4
+#define LAST s3
+#define LAST_BUT_ONE s2
+#define TO_BELOW(lanes) (lanes).s0012
+#define TO_ABOVE(lanes) (lanes).s1233
+#define TWO_TO_BELOW(lanes) (lanes).s0001
+#define TWO_TO_ABOVE(lanes) (lanes).s2333
+#else
+#define LAST s1
+#define LAST_BUT_ONE s0
+#define TO_BELOW(lanes) (lanes).s00
+#define TO_ABOVE(lanes) (lanes).s11
+#define TWO_TO_BELOW(lanes) (lanes)
+#define TWO_TO_ABOVE(lanes) (lanes)
+#endif
+
+/* Lane k of vector i and lane i of vector k change places: a round of shuffles for each doubling of the lanes. */
 static inline __attribute__((always_inline)) void transpose(number *vectors)
 {
+#if LANES == 8
     number pairs[8], fours[8];
     __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 8; i += 2) {
         const number a = vectors[i], b = vectors[i + 1];
@@ -45,25 +70,25 @@ static inline __attribute__((always_inline)) void transpose(number *vectors)
         vectors[i] = (number)(fours[i].s0123, fours[i + 4].s0123);
         vectors[i + 4] = (number)(fours[i].s4567, fours[i + 4].s4567);
     }
-}
-
-/* Eight values `apart` from each other; rim and row tables only, the hot arrays are loaded in blocks. */
-static inline number gather(__global const real *from, const long apart)
-{
-    return (number)(from[0], from[apart], from[2 * apart], from[3 * apart], from[4 * apart], from[5 * apart],
-                    from[6 * apart], from[7 * apart]);
-}
-
-static inline integer gather_flags(__global const uchar *from, const long apart)
-{
-    return (integer)(from[0], from[apart], from[2 * apart], from[3 * apart], from[4 * apart], from[5 * apart],
-                     from[6 * apart], from[7 * apart]);
+#elif LANES == 4
+    const number a = vectors[0], b = vectors[1], c = vectors[2], d = vectors[3];
+    const number ab_low = (number)(a.s0, b.s0, a.s2, b.s2), ab_high = (number)(a.s1, b.s1, a.s3, b.s3);
+    const number cd_low = (number)(c.s0, d.s0, c.s2, d.s2), cd_high = (number)(c.s1, d.s1, c.s3, d.s3);
+    vectors[0] = (number)(ab_low.s01, cd_low.s01);
+    vectors[1] = (number)(ab_high.s01, cd_high.s01);
+    vectors[2] = (number)(ab_low.s23, cd_low.s23);
+    vectors[3] = (number)(ab_high.s23, cd_high.s23);
+#else
+    const number a = vectors[0], b = vectors[1];
+    vectors[0] = (number)(a.s0, b.s0);
+    vectors[1] = (number)(a.s1, b.s1);
+#endif
 }
 
 static inline axis gather_axis(__global const real *table, const int length, const long index, const long apart)
 {
-    const axis result = {gather(table + index, apart), gather(table + length + index, apart),
-                         gather(table + 2 * length + index, apart)};
+    const axis result = {GATHER(number, table + index, apart), GATHER(number, table + length + index, apart),
+                         GATHER(number, table + 2 * length + index, apart)};
     return result;
 }
 
@@ -74,10 +99,10 @@ typedef struct {
     axis y[VECTORS];               /* of the rows                                                     */
 } lanes;
 
-/* What lanes read beside the strip, on eight steps. */
+/* What lanes read beside the strip, on the steps of a block. */
 typedef union {
     number all;
-    real step[8];
+    real step[LANES];
 } border;
 
 #define NEAR 0     /* of the row beside the strip, as the lane at its edge reads it         */
@@ -96,7 +121,7 @@ typedef struct {
 
 /* One step of a strip: all its lanes. `coming` lies REACH columns ahead. `with_rim` is a constant in each call. */
 static inline __attribute__((always_inline)) void
-run_step(lanes *state, number coming[VECTORS][8], number shading[VECTORS][8], const int k, const border *above,
+run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LANES], const int k, const border *above,
          const border *below, __global const real *table, __global const uchar *flags, const course *way,
          const real *parameters, const int with_rim)
 {
@@ -110,24 +135,24 @@ run_step(lanes *state, number coming[VECTORS][8], number shading[VECTORS][8], co
             left[next] = state->result[next][vector];
             right[next] = next < REACH - 1 ? state->old[next + 1][vector] : coming[vector][k];
         }
-        up[0] = left[0].s00123456;
-        up[0].s0 = vector == 0 ? above[NEAR].step[k] : state->result[0][vector - 1].s7;
-        down[0] = right[0].s12345677;
-        down[0].s7 = vector == VECTORS - 1 ? below[NEAR].step[k] : state->old[0][vector + 1].s0;
+        up[0] = TO_BELOW(left[0]);
+        up[0].s0 = vector == 0 ? above[NEAR].step[k] : state->result[0][vector - 1].LAST;
+        down[0] = TO_ABOVE(right[0]);
+        down[0].LAST = vector == VECTORS - 1 ? below[NEAR].step[k] : state->old[0][vector + 1].s0;
 #if REACH == 2
-        up[1] = left[1].s00012345;
-        up[1].s0 = vector == 0 ? above[NEXT].step[k] : state->result[1][vector - 1].s6;
-        up[1].s1 = vector == 0 ? above[NEAR_TOO].step[k] : state->result[1][vector - 1].s7;
-        down[1] = right[1].s23456777;
-        down[1].s6 = vector == VECTORS - 1 ? below[NEAR_TOO].step[k] : state->old[1][vector + 1].s0;
-        down[1].s7 = vector == VECTORS - 1 ? below[NEXT].step[k] : state->old[1][vector + 1].s1;
+        up[1] = TWO_TO_BELOW(left[1]);
+        up[1].s0 = vector == 0 ? above[NEXT].step[k] : state->result[1][vector - 1].LAST_BUT_ONE;
+        up[1].s1 = vector == 0 ? above[NEAR_TOO].step[k] : state->result[1][vector - 1].LAST;
+        down[1] = TWO_TO_ABOVE(right[1]);
+        down[1].LAST_BUT_ONE = vector == VECTORS - 1 ? below[NEAR_TOO].step[k] : state->old[1][vector + 1].s0;
+        down[1].LAST = vector == VECTORS - 1 ? below[NEXT].step[k] : state->old[1][vector + 1].s1;
 #endif
-        __global const real *at = table + vector * 8;
+        __global const real *at = table + vector * LANES;
         const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
         number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, state->y[vector], parameters);
 #if RIM_CELLS
         if (with_rim && any_sign(as_integer(e))) {
-            const integer missing = gather_flags(flags + vector * 8 * way->skew, way->skew);
+            const integer missing = GATHER(integer, flags + vector * LANES * way->skew, way->skew);
             const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? right[0] : left[0],
                                          way->leftwards ? left[0] : right[0], way->upwards ? down[0] : up[0],
                                          way->upwards ? up[0] : down[0], x, state->y[vector], parameters);
@@ -146,7 +171,7 @@ run_step(lanes *state, number coming[VECTORS][8], number shading[VECTORS][8], co
 /* Blocks of a strip. */
 static inline int blocks_of(const int width)
 {
-    return (width + STRIP_ROWS - 1 + 7) / 8;
+    return (width + STRIP_ROWS - 1 + LANES - 1) / LANES;
 }
 
 /* Says how many blocks of a strip are done, after the stores of these. */
@@ -197,9 +222,9 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     const long row_step = upwards ? -(long)stride : (long)stride;
     const long skew = row_step - column_step;
     const long row = first_row + (upwards ? height - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
-    const long column = first_column + (leftwards ? width - 1 - 8 * first_block : 8 * first_block);
-    /* Where the first of eight steps lies in memory, seen from the cell of the step that comes first in time. */
-    const long low = leftwards ? -7 : 0;
+    const long column = first_column + (leftwards ? width - 1 - LANES * first_block : LANES * first_block);
+    /* Where the first of a block's steps lies in memory, seen from the cell of the step that comes first in time. */
+    const long low = leftwards ? -(LANES - 1) : 0;
     /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
     const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
     const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
@@ -211,17 +236,17 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
 
     lanes state;
     for (int vector = 0; vector < VECTORS; ++vector) {
-        const long first = cell + vector * 8 * skew;
-        state.y[vector] = gather_axis(row_table, rows, row + (upwards ? -8 * vector : 8 * vector), upwards ? -1 : 1);
+        const long first = cell + vector * LANES * skew;
+        state.y[vector] = gather_axis(row_table, rows, row + (upwards ? -LANES * vector : LANES * vector), upwards ? -1 : 1);
         for (int k = 0; k < REACH; ++k) {
-            state.old[k][vector] = gather(log_depth + first + k * column_step, skew);
-            state.result[k][vector] = gather(log_depth + first - (k + 1) * column_step, skew);
+            state.old[k][vector] = GATHER(number, log_depth + first + k * column_step, skew);
+            state.result[k][vector] = GATHER(number, log_depth + first - (k + 1) * column_step, skew);
         }
     }
 
     int ahead = strip > 0 && !alone ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
     for (int block = first_block; block < blocks; ++block) {
-        const int needed = block + STRIP_ROWS / 8 + 1;
+        const int needed = block + STRIP_ROWS / LANES + 1;
         if (ahead < done_before + min(needed, blocks)) {
             ahead = wait_for(progress - APART, done_before + min(needed + LEAD, blocks), patience_for(width));
             if (ahead < done_before + min(needed, blocks)) {
@@ -229,11 +254,11 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
                 return 0;
             }
         }
-        number coming[VECTORS][8], shading[VECTORS][8];
+        number coming[VECTORS][LANES], shading[VECTORS][LANES];
         integer signs = 0;
         __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
-            __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r) {
-                const long at = cell + (vector * 8 + r) * skew + low;
+            __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r) {
+                const long at = cell + (vector * LANES + r) * skew + low;
                 coming[vector][r] = LOAD(log_depth + at + REACH * column_step);
                 shading[vector][r] = LOAD(brightness + at);
                 signs |= as_integer(shading[vector][r]);
@@ -261,33 +286,33 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
 #endif
         if (RIM_CELLS && any_sign(signs)) {
             /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
-            number coming_copy[VECTORS][8], shading_copy[VECTORS][8];
+            number coming_copy[VECTORS][LANES], shading_copy[VECTORS][LANES];
             __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
-                __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k) {
+                __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k) {
                     coming_copy[vector][k] = coming[vector][k];
                     shading_copy[vector][k] = shading[vector][k];
                 }
-            __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < 8; ++step) {
-                const int k = leftwards ? 7 - step : step;
+            __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < LANES; ++step) {
+                const int k = leftwards ? LANES - 1 - step : step;
                 run_step(&state, coming_copy, shading_copy, k, above, below, table - step,
                          flags + cell + step * column_step, &way, parameters, 1);
             }
             __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
-                __attribute__((opencl_unroll_hint(8))) for (int k = 0; k < 8; ++k)
+                __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k)
                     shading[vector][k] = shading_copy[vector][k];
         } else {
-            __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < 8; ++step) {
-                const int k = leftwards ? 7 - step : step;
+            __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < LANES; ++step) {
+                const int k = leftwards ? LANES - 1 - step : step;
                 run_step(&state, coming, shading, k, above, below, table - step, flags, &way, parameters, 0);
             }
         }
         __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
             transpose(shading[vector]);
-            __attribute__((opencl_unroll_hint(8))) for (int r = 0; r < 8; ++r)
-                STORE(log_depth + cell + (vector * 8 + r) * skew + low, shading[vector][r]);
+            __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r)
+                STORE(log_depth + cell + (vector * LANES + r) * skew + low, shading[vector][r]);
         }
-        cell += 8 * column_step;
-        table -= 8;
+        cell += LANES * column_step;
+        table -= LANES;
         if (!alone && (block % EVERY == EVERY - 1 || block == blocks - 1))
             publish(progress, done_before + block + 1);
     }

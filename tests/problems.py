@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, ParallelLight, Phong
 from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.light import Light
 from persfs_cl.models import Model
@@ -65,6 +68,14 @@ def random_problem(
     return prepare(image, camera, inside, None, known, model, scheme, surface, boundary, 30.0)
 
 
+def fitted(tuning: Tuning, device: Device, precision: str) -> Tuning:
+    """The tuning with no wider vectors than the device takes, and as many of them a strip."""
+    wide = min(tuning.lanes, lanes(device, precision))
+    if tuning.lanes > 1 and wide == 1:
+        pytest.skip(f"{device} takes no vectors")
+    return replace(tuning, lanes=wide, strip_rows=tuning.strip_rows * wide // tuning.lanes)
+
+
 def sweeper(
     problem: Problem,
     device: Device,
@@ -76,10 +87,12 @@ def sweeper(
     tuning: Tuning | None = None,
 ) -> Sweeper:
     """The problem on a device, in a variant that can be stepped sweep by sweep."""
-    if ordering == "wavefront" and tuning is None:
-        on_cpu = device.kind == "cpu"
+    wide = lanes(device, precision)
+    if tuning is not None:
+        tuning = fitted(tuning, device, precision)
+    elif ordering == "wavefront" and wide > 1:
         # The lowest strips, so that a small image has several, and the program that compiles fastest.
-        tuning = Tuning("wavefront_strips", 8, 8, device.compute_units) if on_cpu else Tuning("wavefront_tiles")
+        tuning = Tuning("wavefront_strips", wide, wide, device.compute_units)
     return Sweeper(
         device,
         [problem.numbers],

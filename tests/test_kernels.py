@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pyopencl as cl
 import pytest
-from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, random_problem, sweeper
+from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, fitted, random_problem, sweeper
 
 from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
 from persfs_cl._cl import launches
@@ -184,13 +184,24 @@ BANDS = [
     Tuning("checkerboard_bands", 8, work_groups=groups, polls=polls, band_rows=rows)
     for rows, groups, polls in ((1, 1, 4000), (2, 2, 4000), (1, 3, 4000), (5, 4, 4000), (3, 2, 1))
 ]
+# What processors with narrower registers get.
+NARROW_STRIPS = [
+    Tuning(variant, lanes, vectors * lanes, 2)
+    for variant, lanes, vectors in (
+        ("wavefront_strips", 2, 3),
+        ("wavefront_strips", 4, 3),
+        ("wavefront_images", 2, 1),
+        ("wavefront_images", 4, 3),
+    )
+]
+NARROW_BANDS = [Tuning("checkerboard_bands", lanes, work_groups=2, band_rows=3) for lanes in (2, 4)]
 TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard"), Tuning("lexicographic")
 
 
 @pytest.mark.parametrize(
     "tuning",
-    [TILES, Tuning("wavefront_tiles", tile=(8, 16)), *STRIPS.values(), *IMAGES.values()],
-    ids=lambda t: f"{t.variant}-{t.tile if t.variant == 'wavefront_tiles' else t.strip_rows}-{t.work_groups}groups",
+    [TILES, Tuning("wavefront_tiles", tile=(8, 16)), *STRIPS.values(), *IMAGES.values(), *NARROW_STRIPS],
+    ids=str,
 )
 def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
     """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
@@ -208,7 +219,7 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
 
 
 # Each height is a program of its own, which takes long to compile.
-@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4))], ids=str)
+@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), *NARROW_STRIPS[:2]], ids=str)
 def test_tunings_give_the_bits_of_lexicographic_at_second_order(device: Device, precision: str, tuning: Tuning) -> None:
     tuning = replace(tuning, second_order=True)
     assert_tuning_gives_the_bits(device, precision, tuning, "upwind oblique toward", largest=140)
@@ -250,7 +261,7 @@ def with_first_order(problem: Problem, device: Device) -> Problem:
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
-@pytest.mark.parametrize("tuning", [Tuning("checkerboard", 4), Tuning("checkerboard", 8), *BANDS], ids=str)
+@pytest.mark.parametrize("tuning", [*(Tuning("checkerboard", lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str)
 def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
     device: Device, precision: str, tuning: Tuning
 ) -> None:
@@ -315,7 +326,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuni
             ordering=ordering,
             precision="float32",
             tolerance=1e-3,
-            tuning=tuning,
+            tuning=fitted(tuning, device, "float32"),
         )
         changes = np.concatenate([shared.run(count) for count in (1, 7, 60, 60, 60, 60)])
         return changes, shared.log_depth()

@@ -45,6 +45,8 @@ class Device:
     compute_units : int
     largest_group : int
         Work-items of a work-group at most.
+    register_bits : int or None
+        See :func:`persfs_cl._cl.registers.register_bits`; None before it is asked for.
     """
 
     def __init__(self, index: int, handle: cl.Device) -> None:
@@ -64,6 +66,7 @@ class Device:
         self.memory: int = handle.global_mem_size
         self.compute_units: int = handle.max_compute_units
         self.largest_group: int = handle.max_work_group_size
+        self.register_bits: int | None = None
         self.programs: dict[object, cl.Program] = {}
         self.kernels: dict[object, cl.Kernel] = {}
 

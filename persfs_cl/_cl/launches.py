@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.layout import ALIGNMENT
 from persfs_cl._cl.program import kernel
-from persfs_cl._cl.tuning import CPU_LANES, Tuning
+from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.tuning import Tuning
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 from persfs_cl.errors import DeviceError
 
@@ -141,7 +142,7 @@ class Sweeper:
         height, width = grids[0].log_depth.shape
         shape = (height, width)
         self.tuning = tuning or Tuning.of(
-            device, ordering, shape, self.count, second_order=second_order, only_lower=only_lower
+            device, ordering, precision, shape, self.count, second_order=second_order, only_lower=only_lower
         )
         self._layout = layout = self.tuning.layout((height, width))
         # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
@@ -210,11 +211,13 @@ class Sweeper:
         self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary", scalars)
         self._renew_items = min(256, _group_size(self._renew, device))
 
-        on_cpu = device.kind == "cpu"
-        lanes = {"LANES": CPU_LANES if on_cpu else 1}
+        wide = lanes(device, precision)
+        definitions = {"LANES": wide}
         scalars = [None] * 3 + [integer, single, integer, integer]
-        self._measure = kernel(device, ["change", "measure"], precision, lanes, "measure", scalars)
-        self._measure_items = max(1, min((1 if on_cpu else 1024) * device.compute_units, layout.size // 1024))
+        self._measure = kernel(device, ["change", "measure"], precision, definitions, "measure", scalars)
+        # With vectors each item takes a part of its own: see kernels/measure.cl.
+        self._measure_group = (1, 1) if wide > 1 else None
+        self._measure_items = max(1, min((1 if wide > 1 else 1024) * device.compute_units, layout.size // 1024))
 
     @property
     def queued_at_least(self) -> int:
@@ -352,7 +355,7 @@ class Sweeper:
         event = self._measure(
             self._device.queue,
             (self._measure_items, self.count),
-            (1, 1) if self._device.kind == "cpu" else None,
+            self._measure_group,
             self._log_depth,
             self._previous,
             self._changes,

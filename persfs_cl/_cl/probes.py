@@ -9,9 +9,11 @@ import pyopencl as cl
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.program import kernel
+from persfs_cl._cl.registers import lanes
 from persfs_cl.errors import DeviceError
 
-_COPY_LANES = {8: 16, 1: 4}
+_COPY_BLOCK = 16
+"""Bytes, as in kernels/roofline.cl."""
 _CHAINS = 12
 
 
@@ -39,8 +41,7 @@ def copier(device: Device, size: int) -> Callable[[int], None]:
     DeviceError
         When the device cannot hold two such arrays.
     """
-    lanes = _lanes(device)
-    copying = kernel(device, ["roofline"], "float32", {"LANES": lanes}, "copy", [None, None])
+    copying = kernel(device, ["roofline"], "float32", None, "copy", [None, None])
     try:
         arrays = [cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size) for _ in range(2)]
         for array in arrays:
@@ -50,7 +51,7 @@ def copier(device: Device, size: int) -> Callable[[int], None]:
         raise DeviceError(
             f"{device} cannot hold two arrays of {size / 2**20:.0f} MiB: measure smaller images."
         ) from error
-    blocks = size // (4 * _COPY_LANES[lanes])
+    blocks = size // _COPY_BLOCK
 
     def copy(count: int) -> None:
         for _ in range(count):
@@ -70,19 +71,15 @@ def multiplier(device: Device, precision: str) -> tuple[Callable[[int], None], i
         When the device lacks the precision.
     """
     real = device.real(precision)
-    lanes, on_cpu = _lanes(device), device.kind == "cpu"
+    wide = lanes(device, precision)
     scalars = [None, np.int32, real.type, real.type]
-    multiplying = kernel(device, ["roofline"], precision, {"LANES": lanes}, "multiply_adds", scalars)
-    items = device.compute_units * (4 if on_cpu else 2048)
+    multiplying = kernel(device, ["roofline"], precision, {"LANES": wide}, "multiply_adds", scalars)
+    items = device.compute_units * (4 if wide > 1 else 2048)
     rounds = 4096
     results = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, items * real.itemsize)
 
     def multiply(count: int) -> None:
         for _ in range(count):
-            multiplying(device.queue, (items,), (1,) if on_cpu else None, results, rounds, 0.5, 0.5)
+            multiplying(device.queue, (items,), (1,) if wide > 1 else None, results, rounds, 0.5, 0.5)
 
-    return multiply, 2 * _CHAINS * lanes * items * rounds
-
-
-def _lanes(device: Device) -> int:
-    return 8 if device.kind == "cpu" else 1
+    return multiply, 2 * _CHAINS * wide * items * rounds

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.registers import lanes
 
-LANES = (1, 4, 8)
+LANES = (1, 2, 4, 8)
 """Cells that a work-item may update at once: see kernels/prelude.cl."""
-CPU_LANES = 8
-"""Wider vectors divide and take square roots no faster."""
-_STRIP_ROWS = 3 * CPU_LANES
+_STRIP_VECTORS = 3
+"""Vectors of a strip of the wavefront: the latency of the square root is hidden, and the registers suffice."""
 _BAND_PIXELS = 4096
 """The bands that a group works on at a time stay in a processor's second-level cache, eight half-sweeps long."""
 _CACHED_PIXELS = 2**20
@@ -50,7 +50,7 @@ class Tuning:
 
     variant: str
     lanes: int = 1
-    strip_rows: int = CPU_LANES
+    strip_rows: int = 1
     work_groups: int = 1
     polls: int = 4000
     band_rows: int = 1
@@ -63,6 +63,7 @@ class Tuning:
         cls,
         device: Device,
         ordering: str,
+        precision: str,
         shape: tuple[int, int],
         images: int,
         *,
@@ -71,10 +72,11 @@ class Tuning:
     ) -> Tuning:
         """What suits a device, and a number of images of one size.
 
-        Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at. Elsewhere the
-        wavefront goes tile by tile, and the checkerboard a colour at a time, with many items.
+        Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at, if its compiler
+        is known to take them. Elsewhere the wavefront goes tile by tile, and the checkerboard a colour at a time, with
+        many items.
         """
-        tuning = cls._of_first_order(device, ordering, shape, images)
+        tuning = cls._of_first_order(device, ordering, precision, shape, images)
         if not second_order:
             return tuning
         if ordering == "checkerboard":
@@ -83,10 +85,13 @@ class Tuning:
         return replace(tuning, second_order=True, only_lower=only_lower)
 
     @classmethod
-    def _of_first_order(cls, device: Device, ordering: str, shape: tuple[int, int], images: int) -> Tuning:
+    def _of_first_order(
+        cls, device: Device, ordering: str, precision: str, shape: tuple[int, int], images: int
+    ) -> Tuning:
         if ordering == "lexicographic":
             return cls("lexicographic")
-        if device.kind != "cpu":
+        wide = lanes(device, precision)
+        if wide == 1:
             return cls({"wavefront": "wavefront_tiles"}.get(ordering, ordering))
         pixels = shape[0] * shape[1]
         # A group that waits keeps its processor: more groups than processors would only be in each other's way.
@@ -94,17 +99,18 @@ class Tuning:
         if ordering == "checkerboard":
             if pixels <= _SMALL_PIXELS:
                 groups = min(images, groups)
-            return cls("checkerboard_bands", CPU_LANES, band_rows=-(-_BAND_PIXELS // shape[1]), work_groups=groups)
+            return cls("checkerboard_bands", wide, band_rows=-(-_BAND_PIXELS // shape[1]), work_groups=groups)
+        rows = _STRIP_VECTORS * wide
         if pixels <= _SMALL_PIXELS or (images >= groups and pixels <= _CACHED_PIXELS):
-            return cls("wavefront_images", CPU_LANES, _STRIP_ROWS, work_groups=min(images, groups))
-        return cls("wavefront_strips", CPU_LANES, _STRIP_ROWS, work_groups=groups)
+            return cls("wavefront_images", wide, rows, work_groups=min(images, groups))
+        return cls("wavefront_strips", wide, rows, work_groups=groups)
 
     @property
     def definitions(self) -> dict[str, int]:
         """Constants of the program."""
         sizes = {"REACH": 2, "ONLY_LOWER": int(self.only_lower)} if self.second_order else {}
         if self.in_strips:
-            sizes |= {"VECTORS": self.strip_rows // CPU_LANES, "POLLS": self.polls}
+            sizes |= {"VECTORS": self.strip_rows // self.lanes, "POLLS": self.polls}
         elif self.variant == "checkerboard_bands":
             sizes["POLLS"] = self.polls
         elif self.variant == "wavefront_tiles":
@@ -136,7 +142,7 @@ class Tuning:
         if not self.in_strips:
             return Layout.padded(shape, margin, margin)
         # The last strip may reach past the image; lanes lean out by a strip's height and a block.
-        return Layout.padded(shape, -shape[0] % self.strip_rows + margin, self.strip_rows + CPU_LANES)
+        return Layout.padded(shape, -shape[0] % self.strip_rows + margin, self.strip_rows + self.lanes)
 
 
 def _processors() -> int:

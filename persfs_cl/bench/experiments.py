@@ -8,7 +8,8 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
-from persfs_cl._cl.tuning import CPU_LANES, Tuning
+from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench import fresh
 from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, lamp, reflectance
 from persfs_cl.bench.alternatives import weno
@@ -91,7 +92,7 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
         # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
         subjects: dict[str, Subject] = {}
         for ordering, candidates in _candidates(plan, size).items():
-            chosen = Tuning.of(plan.device, ordering, (size, size), 1)
+            chosen = Tuning.of(plan.device, ordering, plan.precision, (size, size), 1)
             for tuning in (chosen, *candidates):
                 sweeps = sweeper(plan.device, problem, ordering, plan.precision, tuning)
                 subject = iterations("", sweeps, problem)
@@ -102,18 +103,19 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
 
 def _candidates(plan: Plan, size: int) -> dict[str, list[Tuning]]:
     """By ordering, the tunings asked for that it may have on the device."""
+    wide = lanes(plan.device, plan.precision)
     # Few groups of one item suit processors, which run it at full speed.
-    groups = plan.groups() if plan.device.kind == "cpu" else ()
+    groups = plan.groups() if wide > 1 else ()
     strips = product(plan.strip_rows, groups)
-    bands = product(plan.lanes, plan.heights(size), groups)
+    bands = product((width for width in plan.widths() if width > 1), plan.heights(size), groups)
     candidates = {
         "wavefront": [
-            *(Tuning("wavefront_strips", CPU_LANES, strip_rows=rows, work_groups=count) for rows, count in strips),
+            *(Tuning("wavefront_strips", wide, strip_rows=rows, work_groups=count) for rows, count in strips),
             *(Tuning("wavefront_tiles", tile=tile) for tile in plan.tiles),
         ],
         "checkerboard": [
-            *(Tuning("checkerboard_bands", lanes, band_rows=rows, work_groups=count) for lanes, rows, count in bands),
-            *(Tuning("checkerboard", lanes) for lanes in plan.lanes),
+            *(Tuning("checkerboard_bands", width, band_rows=rows, work_groups=count) for width, rows, count in bands),
+            *(Tuning("checkerboard", width) for width in plan.widths()),
         ],
     }
     return {ordering: candidates[ordering] for ordering in plan.orderings if ordering in candidates}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import LANES
 from persfs_cl.choices import Ordering, Precision, Scheme
 
@@ -49,7 +50,7 @@ class Plan:
     repeats: int = 5
     least_seconds: float = 0.05
     strip_rows: tuple[int, ...] = (8, 16, 24, 32)
-    lanes: tuple[int, ...] = LANES
+    lanes: tuple[int, ...] | None = None
     tiles: tuple[tuple[int, int], ...] = ((16, 64), (32, 64), (64, 64))
     band_rows: tuple[int, ...] | None = None
     work_groups: tuple[int, ...] | None = None
@@ -70,6 +71,10 @@ class Plan:
     def groups(self) -> tuple[int, ...]:
         """How many groups run side by side: as asked for, or one, and as many as the device has units."""
         return self.work_groups or tuple(sorted({1, self.device.compute_units}))
+
+    def widths(self) -> tuple[int, ...]:
+        """Widths of vectors: as asked for, or all that the device takes."""
+        return self.lanes or tuple(width for width in LANES if width <= lanes(self.device, self.precision))
 
     def heights(self, width: int) -> tuple[int, ...]:
         """Rows of the bands of an image so wide: as asked for, or of a few thousand pixels."""

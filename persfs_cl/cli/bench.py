@@ -14,7 +14,9 @@ import typer
 from rich.console import Console
 
 from persfs_cl._cl.device import select_device
-from persfs_cl._cl.tuning import CPU_LANES, LANES
+from persfs_cl._cl.registers import WIDEST
+from persfs_cl._cl.registers import lanes as lanes_of
+from persfs_cl._cl.tuning import LANES
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import SCHEMES, STANDARD_SIZES, Plan
 from persfs_cl.bench.plots import draw
@@ -96,7 +98,7 @@ def bench(
         str | None,
         typer.Option(
             metavar="N,...",
-            help=f"Heights of a strip of the wavefront, multiples of {CPU_LANES}; {_listed(Plan.strip_rows)} unless"
+            help=f"Heights of a strip of the wavefront, multiples of {WIDEST}; {_listed(Plan.strip_rows)} unless"
             " given.",
             rich_help_panel=_TUNINGS,
         ),
@@ -122,8 +124,8 @@ def bench(
         str | None,
         typer.Option(
             metavar="N,...",
-            help=f"Widths of the vectors of the checkerboard, of {_listed(LANES)}; all unless given. Those of the"
-            f" wavefront's strips are {CPU_LANES} wide.",
+            help=f"Widths of the vectors of the checkerboard, of {_listed(LANES)}; all that the device's"
+            " compiler has registers for unless given. Those of the wavefront's strips are the widest.",
             rich_help_panel=_TUNINGS,
         ),
     ] = None,
@@ -158,10 +160,12 @@ def bench(
         precision=precision,
         repeats=repeats or (_QUICK_REPEATS if quick else Plan.repeats),
         least_seconds=_QUICK_SECONDS if quick else Plan.least_seconds,
-        strip_rows=_numbers("--strip-rows", strip_rows, least=CPU_LANES, multiple=CPU_LANES) or Plan.strip_rows,
+        strip_rows=_numbers("--strip-rows", strip_rows, least=WIDEST, multiple=WIDEST) or Plan.strip_rows,
         tiles=_tiles("--tiles", tiles, most_rows=chosen.largest_group) or Plan.tiles,
         band_rows=_numbers("--band-rows", band_rows, least=1),
-        lanes=_numbers("--lanes", lanes, choices=LANES) or Plan.lanes,
+        lanes=_numbers(
+            "--lanes", lanes, choices=[width for width in LANES if width <= lanes_of(chosen, precision)]
+        ),
         work_groups=_numbers("--work-groups", work_groups, least=1),
     )
     plan.device.real(precision)
