@@ -219,7 +219,9 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
 
 
 # Each height is a program of its own, which takes long to compile.
-@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), *NARROW_STRIPS[:2]], ids=str)
+@pytest.mark.parametrize(
+    "tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), *NARROW_STRIPS[:2]], ids=str
+)
 def test_tunings_give_the_bits_of_lexicographic_at_second_order(device: Device, precision: str, tuning: Tuning) -> None:
     tuning = replace(tuning, second_order=True)
     assert_tuning_gives_the_bits(device, precision, tuning, "upwind oblique toward", largest=140)
@@ -261,7 +263,9 @@ def with_first_order(problem: Problem, device: Device) -> Problem:
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
-@pytest.mark.parametrize("tuning", [*(Tuning("checkerboard", lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str)
+@pytest.mark.parametrize(
+    "tuning", [*(Tuning("checkerboard", lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str
+)
 def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
     device: Device, precision: str, tuning: Tuning
 ) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl as cl
 
+from persfs_cl._cl.cache import prepare_caches
 from persfs_cl.errors import DeviceError
 
 INSTALL_HINT = (
@@ -144,11 +145,14 @@ def _platform_age(handle: cl.Device) -> tuple[int, ...]:
 
 @functools.cache
 def _all_devices() -> tuple[Device, ...]:
+    said = prepare_caches()
     try:
         platforms = cl.get_platforms()
     except cl.Error:
         # The loader reports "no platform" as an error; an empty list says the same to every caller.
         return ()
+    for text in said:
+        warnings.warn(text, UserWarning, stacklevel=3)
     handles = []
     for platform in platforms:
         try:

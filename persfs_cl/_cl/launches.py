@@ -12,6 +12,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.layout import ALIGNMENT
 from persfs_cl._cl.program import kernel
 from persfs_cl._cl.registers import lanes
@@ -144,7 +145,7 @@ class Sweeper:
         self.tuning = tuning or Tuning.of(
             device, ordering, precision, shape, self.count, second_order=second_order, only_lower=only_lower
         )
-        self._layout = layout = self.tuning.layout((height, width))
+        self._layout = self.tuning.layout((height, width))
         # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
         self._tolerance = np.float32(tolerance)
         if self._tolerance > tolerance:
@@ -159,7 +160,13 @@ class Sweeper:
         self._begun = False
         self.kernel_seconds = 0.0
 
-        sweeping = (device, [*model, *self.tuning.kernels], precision, self.tuning.definitions)
+        with in_words(device):
+            self._upload_all(grids)
+            self._linear, self._lowest = int(linear), lowest
+            self._make_kernels([*model, *self.tuning.kernels], precision, grids[0].log_depth.shape[0])
+
+    def _upload_all(self, grids: Sequence[Grid]) -> None:
+        layout = self._layout
         stored = layout.store([grid.log_depth.__getitem__ for grid in grids], grids[0].outside, self._real)
         self._log_depth = self._upload(stored)
         self._previous = self._buffer(stored.nbytes)
@@ -178,8 +185,10 @@ class Sweeper:
             self._upload(rows.astype(self._real)),
         )
         self._list_boundary(grids)
-        self._linear, self._lowest = int(linear), lowest
 
+    def _make_kernels(self, names: Sequence[str], precision: str, height: int) -> None:
+        device, layout = self._device, self._layout
+        sweeping = (device, names, precision, self.tuning.definitions)
         integer, single = np.int32, np.float32
         begin: list[Any] = [None] * 7 + [integer, single, integer]
         if self.tuning.variant == "wavefront_images":
@@ -250,7 +259,7 @@ class Sweeper:
         DeviceError
             When the device left work undone.
         """
-        with self._device.lock, self._until_idle():
+        with self._device.lock, in_words(self._device), self._until_idle():
             self._begin(iterations)
             stages = self._stages
             if self.tuning.variant == "wavefront_images":
@@ -376,15 +385,16 @@ class Sweeper:
     def copy_log_depth(self, values: Iterable[NDArray[np.floating]]) -> None:
         """Copy the values as they are now into an array of shape (height, width) for each image."""
         layout, queue = self._layout, self._device.queue
-        self._check_all_done()
         shape = (self.count, layout.rows, layout.stride)
-        # What lies in the host's memory already is not copied by this.
-        stored, _ = cl.enqueue_map_buffer(queue, self._log_depth, cl.map_flags.READ, 0, shape, self._real)
-        try:
-            for image, taken in zip(stored, values, strict=True):
-                layout.take(image, taken)
-        finally:
-            stored.base.release(queue)
+        with in_words(self._device):
+            self._check_all_done()
+            # What lies in the host's memory already is not copied by this.
+            stored, _ = cl.enqueue_map_buffer(queue, self._log_depth, cl.map_flags.READ, 0, shape, self._real)
+            try:
+                for image, taken in zip(stored, values, strict=True):
+                    layout.take(image, taken)
+            finally:
+                stored.base.release(queue)
 
     def _begin(self, iterations: int) -> None:
         """Clear the record of changes; its row 0 says which images rest."""
@@ -532,7 +542,7 @@ def render(
     real = device.real(precision)
     height, width = log_depth.shape
     result = np.empty((height, width), real)
-    with device.lock:
+    with device.lock, in_words(device):
         rendering = kernel(device, [*model, "render"], precision, None, "render", [None] * 6 + [np.int32] * 2)
         brightness = _buffer(device, result.nbytes)
         # Named, so that they live until the kernel has run.

@@ -8,6 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.program import kernel
 from persfs_cl._cl.registers import lanes
 from persfs_cl.errors import DeviceError
@@ -19,7 +20,7 @@ _CHAINS = 12
 
 def device_seconds(device: Device, work: Callable[[], object]) -> float:
     """Run what `work` queues, wait for its end, and give the seconds that it took by the device's own clock."""
-    with device.lock:
+    with device.lock, in_words(device):
         begin = cl.enqueue_marker(device.queue)
         work()
         end = cl.enqueue_marker(device.queue)

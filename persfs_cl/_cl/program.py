@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+import re
+import threading
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pyopencl as cl
 
+from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
 from persfs_cl.errors import KernelBuildError
 
+_LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).resolve().parent.parent
+_ATTEMPTS = 3
+"""Times that a program is made: what lies in a damaged cache is passed over by another number in its source."""
+_WARNINGS_LOCK = threading.Lock()
+"""Python's list of filters for warnings is one for all threads."""
 
 
 def _kernel_directory() -> Path:
@@ -118,8 +129,36 @@ def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -
     options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]
     if device.rounds_correctly:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
-    try:
+    remedy = f"Delete the kernel cache, which is {pocl_cache()} for PoCL, or use another device."
+    for attempt in range(_ATTEMPTS):
+        try:
+            return _compiled(device, source, [*options, f"-DATTEMPT={attempt}"] if attempt else options, names)
+        except Exception as error:  # noqa: BLE001  # pyopencl's own cache raises whatever a damaged file leads to
+            failure = error
+            if _names_a_file(str(error), names):
+                remedy = "Report this, with the output of 'persfs-cl devices --check', or use another device."
+                break
+            _LOG.debug("%s on %s is built again from source after: %s", " + ".join(names), device, error)
+    raise KernelBuildError(f"{' + '.join(names)} did not compile on {device}:\n{failure}\n{remedy}") from failure
+
+
+def _compiled(device: Device, source: str, options: Sequence[str], names: Sequence[str]) -> cl.Program:
+    """The program. What the compiler says goes to the log, and becomes a warning where it is about our source."""
+    with _WARNINGS_LOCK, warnings.catch_warnings():
+        # All of it is read below.
+        warnings.simplefilter("ignore", cl.CompilerWarning)
         built: cl.Program = cl.Program(device.context, source).build(options)
-    except cl.RuntimeError as error:
-        raise KernelBuildError(f"{' + '.join(names)} did not compile on {device}:\n{error}") from error
+    if not built.get_info(cl.program_info.NUM_KERNELS):
+        raise KernelBuildError("The program came without kernels.")
+    log: Callable[..., Any] = built.get_build_info
+    said = str(log(device.context.devices[0], cl.program_build_info.LOG) or "").strip()
+    if said:
+        _LOG.debug("%s on %s: %s", " + ".join(names), device, said)
+    if _names_a_file(said, names):
+        warnings.warn(f"The compiler of {device} warns about {' + '.join(names)}:\n{said}", UserWarning, stacklevel=2)
     return built
+
+
+def _names_a_file(said: str, names: Sequence[str]) -> bool:
+    """Whether a compiler's words are about one of the kernel files."""
+    return re.search(rf"\b(?:{'|'.join(map(re.escape, names))})\.cl:\d+", said) is not None

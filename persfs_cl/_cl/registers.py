@@ -6,6 +6,7 @@ import numpy as np
 import pyopencl as cl
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.program import kernel
 
 WIDEST = 8
@@ -46,7 +47,7 @@ def lanes(device: Device, precision: str) -> int:
 
 def _asked(device: Device) -> int:
     bits = np.zeros(1, np.int32)
-    with device.lock:
+    with in_words(device):
         answer = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, bits.nbytes)
         kernel(device, ["registers"], "float32", None, "registers", [None])(device.queue, (1,), None, answer)
         cl.enqueue_copy(device.queue, bits, answer)

@@ -72,9 +72,9 @@ class Tuning:
     ) -> Tuning:
         """What suits a device, and a number of images of one size.
 
-        Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at, if its compiler
-        is known to take them. Elsewhere the wavefront goes tile by tile, and the checkerboard a colour at a time, with
-        many items.
+        Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at, if its
+        compiler is known to take them. Elsewhere the wavefront goes tile by tile, and the checkerboard a colour at a
+        time, with many items.
         """
         tuning = cls._of_first_order(device, ordering, precision, shape, images)
         if not second_order:

@@ -163,9 +163,7 @@ def bench(
         strip_rows=_numbers("--strip-rows", strip_rows, least=WIDEST, multiple=WIDEST) or Plan.strip_rows,
         tiles=_tiles("--tiles", tiles, most_rows=chosen.largest_group) or Plan.tiles,
         band_rows=_numbers("--band-rows", band_rows, least=1),
-        lanes=_numbers(
-            "--lanes", lanes, choices=[width for width in LANES if width <= lanes_of(chosen, precision)]
-        ),
+        lanes=_numbers("--lanes", lanes, choices=[width for width in LANES if width <= lanes_of(chosen, precision)]),
         work_groups=_numbers("--work-groups", work_groups, least=1),
     )
     plan.device.real(precision)

@@ -1,0 +1,153 @@
+"""The caches of compiled kernels, made fit for use before OpenCL sees them.
+
+PoCL lists no device when it cannot write to its cache, and ends the process when the disk is full or when a kernel in
+the cache is cut short; pyopencl fails at the first kernel when its own cache cannot be written to or is damaged. The
+former cannot be caught, so all of it is looked for first.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import shutil
+import sqlite3
+import struct
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+_POCL, _ALL = "POCL_CACHE_DIR", "XDG_CACHE_HOME"
+_POCL_NEEDS, _PYOPENCL_NEEDS = 2**23, 2**16
+"""Bytes that must be free: a few programs' worth, and a few lines about the arguments of kernels."""
+_FORGOTTEN = 3600.0
+"""Seconds after which PoCL's temporary files are no longer in use."""
+_MOST_LOOKED_AT = 20_000
+"""Files, so that a huge cache does not delay the start by more than a fraction of a second."""
+_ELF64_SECTIONS = struct.Struct("<40xQ10xHH")
+"""Of an ELF header: where the table of sections begins, the size of an entry, and how many there are."""
+_BITCODE_BLOCK = struct.Struct("<II")
+"""What a block of LLVM's bitcode begins with: its kind, and how many words follow."""
+
+
+def prepare_caches() -> list[str]:
+    """See to it that the caches can be used, or name ones of this process's own in the environment.
+
+    What is damaged in them is removed, and so are the empty files that PoCL leaves behind.
+
+    Returns
+    -------
+    list of str
+        What to warn of: a folder that cannot be used, so that kernels are compiled again in each process.
+    """
+    root = _root()
+    pocl, pyopencl = pocl_cache(), root / "pytools"
+    found = [
+        (pocl, _POCL, _problem(pocl, _POCL_NEEDS)),
+        (pyopencl, _ALL, _problem(pyopencl, _PYOPENCL_NEEDS)),
+    ]
+    if found[0][2] is None:
+        _clean_pocl(pocl)
+        # Also where the other variable is about to change.
+        os.environ[_POCL] = str(pocl)
+    if found[1][2] is None:
+        _clean_pyopencl(pyopencl)
+    said = []
+    for folder, variable, problem in found:
+        if problem is None:
+            continue
+        private = tempfile.mkdtemp(prefix="persfs-cl-kernels-")
+        atexit.register(shutil.rmtree, private, ignore_errors=True)
+        os.environ[variable] = private
+        said.append(
+            f"The kernel cache {folder} cannot be used ({problem}): kernels are compiled anew in this run. Make the "
+            f"folder writable or free some space, or name another one in the environment variable {variable}."
+        )
+    return said
+
+
+def pocl_cache() -> Path:
+    """Where PoCL keeps compiled kernels."""
+    chosen = os.environ.get(_POCL)
+    return Path(chosen) if chosen else _root() / "pocl" / "kcache"
+
+
+def _root() -> Path:
+    if chosen := os.environ.get(_ALL):
+        return Path(chosen)
+    return Path(os.path.expanduser("~")) / ".cache"  # noqa: PTH111  # Path's own raises where there is no home
+
+
+def _problem(folder: Path, needed: int) -> str | None:
+    """Why so many bytes could not be written there; None when they can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, needed)
+            else:
+                file.write(bytes(needed))
+                file.flush()
+    except OSError as error:
+        return error.strerror or str(error)
+    return None
+
+
+def _clean_pocl(folder: Path) -> None:
+    """Remove programs and kernels that are cut short, and the empty files that PoCL has left behind."""
+    long_ago = time.time() - _FORGOTTEN
+    for file in folder.glob("tempfile_*"):
+        # Another process may be faster, or own it.
+        with contextlib.suppress(OSError):
+            status = file.stat()
+            if status.st_size == 0 and status.st_mtime < long_ago:
+                file.unlink()
+    for looked_at, (program, file) in enumerate(_compiled(folder)):
+        if looked_at >= _MOST_LOOKED_AT:
+            break
+        if not _is_whole(file):
+            shutil.rmtree(program, ignore_errors=True)
+
+
+def _compiled(folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Folders of programs, each with a file in it: XX/program/program.bc or XX/program/kernel/size/kernel.so."""
+    for program in folder.glob("??/*"):
+        yield program, program / "program.bc"
+        for kernel in program.glob("*/*/*.so"):
+            yield program, kernel
+
+
+def _is_whole(file: Path) -> bool:
+    """Whether a shared library or a file of bitcode has the length that it says itself."""
+    try:
+        with file.open("rb", buffering=0) as opened:
+            size, begin = os.fstat(opened.fileno()).st_size, opened.read(64)
+            if begin[:4] == b"BC\xc0\xde":
+                end = 4
+                while end + _BITCODE_BLOCK.size <= size:
+                    opened.seek(end)
+                    _, words = _BITCODE_BLOCK.unpack(opened.read(_BITCODE_BLOCK.size))
+                    end += _BITCODE_BLOCK.size + 4 * words
+                return end == size
+    except OSError:  # not there, or another's
+        return True
+    if begin[:6] == b"\x7fELF\x02\x01" and len(begin) == 64:
+        sections, entry, count = _ELF64_SECTIONS.unpack_from(begin)
+        return bool(sections + entry * count <= size)
+    # The form that other machines or drivers use is not known; but something there must be.
+    return size > 0
+
+
+def _clean_pyopencl(folder: Path) -> None:
+    """Remove databases that cannot be read."""
+    for file in folder.glob("pdict-*pyopencl*.sqlite"):
+        try:
+            with contextlib.closing(sqlite3.connect(file, timeout=1)) as database:
+                whole = database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",)
+        except sqlite3.OperationalError:  # in use
+            continue
+        except sqlite3.DatabaseError:
+            whole = False
+        if not whole:
+            file.unlink(missing_ok=True)

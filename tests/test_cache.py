@@ -1,0 +1,149 @@
+"""Caches of compiled kernels that are unwritable, full of rubbish or cut short."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import pyopencl as cl
+import pytest
+
+import persfs_cl as ps
+from persfs_cl._cl import cache
+from persfs_cl._cl import program as program_module
+from persfs_cl._cl.device import select_device
+from persfs_cl._cl.program import program
+
+RENDER = "import persfs_cl as ps; s = ps.vase((9, 9)); print(ps.render(s.depth, s.camera).sum())"
+
+
+def run(**environment: str) -> subprocess.CompletedProcess[str]:
+    """A process that compiles a kernel, or finds it in the cache."""
+    inherited = {name: value for name, value in os.environ.items() if name != "POCL_CACHE_DIR"}
+    return subprocess.run(
+        [sys.executable, "-c", RENDER],
+        env={**inherited, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Caches of a process that has compiled a kernel, and what it printed."""
+    folder = tmp_path_factory.mktemp("caches")
+    first = run(XDG_CACHE_HOME=str(folder))
+    assert (first.returncode, first.stderr) == (0, "")
+    assert first.stdout.strip() != ""
+    return folder, first.stdout
+
+
+@pytest.mark.parametrize(
+    ("pattern", "size"),
+    [
+        ("program.bc", 1000),
+        ("program.bc", 0),
+        ("*.so", 3000),
+        ("*.so", 0),
+        ("*.sqlite", 3000),
+        ("*.sqlite", None),
+    ],
+)
+def test_a_damaged_cache_is_made_whole_without_a_word(
+    filled: tuple[Path, str], tmp_path: Path, pattern: str, size: int | None
+) -> None:
+    folder, printed = filled
+    damaged = tmp_path / "caches"
+    shutil.copytree(folder, damaged)
+    files = list(damaged.rglob(pattern))
+    if not files and select_device().is_pocl:
+        pytest.fail(f"no {pattern} in {sorted(damaged.rglob('*'))}")
+    for file in files:
+        if size is None:
+            file.write_bytes(b"rubbish")
+        else:
+            os.truncate(file, size)
+    second = run(XDG_CACHE_HOME=str(damaged))
+    assert (second.returncode, second.stdout, second.stderr) == (0, printed, "")
+
+
+@pytest.mark.parametrize("variable", ["POCL_CACHE_DIR", "XDG_CACHE_HOME"])
+def test_an_unusable_cache_is_replaced_and_named(filled: tuple[Path, str], tmp_path: Path, variable: str) -> None:
+    in_the_way = tmp_path / "file"
+    in_the_way.touch()
+    environment = {"XDG_CACHE_HOME": str(filled[0]), variable: str(in_the_way), "TMPDIR": str(tmp_path)}
+    done = run(**environment)
+    assert (done.returncode, done.stdout) == (0, filled[1])
+    warned = [line for line in done.stderr.splitlines() if "UserWarning" in line]
+    assert any(str(in_the_way) in line and variable in line for line in warned)
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == [in_the_way], "private caches go with their process"
+
+
+def test_files_that_are_cut_short_are_told_from_whole_ones(filled: tuple[Path, str], tmp_path: Path) -> None:
+    files = [file for pattern in ("program.bc", "*.so") for file in filled[0].rglob(pattern)]
+    if not files:
+        pytest.skip("no device here has a cache of PoCL's form")
+    for file in files:
+        assert cache._is_whole(file)
+        content = file.read_bytes()
+        for share in range(10):
+            part = tmp_path / f"part{file.suffix}"
+            part.write_bytes(content[: len(content) * share // 10])
+            assert not cache._is_whole(part)
+
+
+def test_only_empty_files_that_pocl_has_forgotten_are_removed(tmp_path: Path) -> None:
+    old, new, used = (tmp_path / f"tempfile_{name}" for name in ("old", "new", "used"))
+    for file in (old, new, used):
+        file.touch()
+    used.write_text("kernel")
+    long_ago = time.time() - 7200
+    for file in (old, used):
+        os.utime(file, (long_ago, long_ago))
+    cache._clean_pocl(tmp_path)
+    assert sorted(tmp_path.iterdir()) == [new, used]
+
+
+def test_what_the_cache_cannot_load_is_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+    usual = cl.Program.build
+
+    def build(self: cl.Program, options: list[str]) -> cl.Program:
+        tried.append(options)
+        if len(tried) == 1:
+            raise KeyError("PYOPENCL_CACHE_FAILURE_FATAL")
+        return usual(self, options)
+
+    monkeypatch.setattr(cl.Program, "build", build)
+    program(select_device(), ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_THE_CACHE": 1})
+    assert len(tried) == 2
+    assert set(tried[1]) - set(tried[0]) == {"-DATTEMPT=1"}
+
+
+def test_what_never_builds_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    def build(*_: object) -> None:
+        raise cl.LogicError("clBuildProgram failed: INVALID_OPERATION")
+
+    monkeypatch.setattr(cl.Program, "build", build)
+    with pytest.raises(ps.KernelBuildError, match=r"INVALID_OPERATION(?s:.)*Delete the kernel cache"):
+        program(select_device(), ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_FAILURE": 1})
+
+
+def test_the_compiler_is_heard_only_about_our_source(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same words without the name of a kernel file are the driver's chatter."""
+    source = "__kernel void mended(__global float *a) { a[0] = 1; }\n"
+    monkeypatch.setattr(program_module, "kernel_source", lambda name: source if name == "renew" else "\n")
+    for number, said in enumerate(("Compilation started\nCompilation done", "renew.cl:1:7: warning: odd")):
+        monkeypatch.setattr(cl.Program, "get_build_info", lambda *_, text=said: text)
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            program(device, ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_WORDS": number})
+        assert [said in str(warning.message) for warning in heard] == [True] * number
