@@ -227,7 +227,7 @@ def test_what_a_driver_refuses_is_a_warning_or_an_error_of_ours(machine: Any, mo
     bad = SimpleNamespace(name="bad", get_devices=lambda: [Refusing()])
     monkeypatch.setattr(cl, "get_platforms", lambda: [Refusing(), bad, *good])
     device_module._all_devices.cache_clear()
-    with pytest.warns(UserWarning) as warned:
+    with pytest.warns(UserWarning, match="OpenCL") as warned:
         (device,) = ps.devices()
     assert [str(each.message) for each in warned] == [
         "OpenCL platform number 0 lists no devices: refused",
@@ -240,5 +240,5 @@ def test_what_a_driver_refuses_is_a_warning_or_an_error_of_ours(machine: Any, mo
 
     monkeypatch.setattr(cl, "Context", refuse)
     for use in (lambda: device.context, lambda: device.queue):
-        with pytest.raises(ps.DeviceError, match="pthread-EPYC .* gives no context: refused"):
+        with pytest.raises(ps.DeviceError, match=r"pthread-EPYC .* gives no context: refused"):
             use()

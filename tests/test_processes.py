@@ -62,7 +62,7 @@ print(device is ps.devices()[0] and solve().iterations)
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 @pytest.mark.parametrize("before", ["list", "run"])
 def test_opencl_is_refused_to_a_forked_child(before: str) -> None:
-    ways = "devices select context queue lock program kernel".split()
+    ways = ["devices", "select", "context", "queue", "lock", "program", "kernel"]
     ways += ["reconstruct", "reconstruct on a device", "reconstruct on a pickled device", "render"]
     assert python(FORK, before).splitlines() == [*ways, "1"]
 
