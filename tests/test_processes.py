@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
+import numpy as np
 import pytest
+
+RENDER = ("render", "depth.npy", "-o", "image.png", "--focal-length=9", "--light=flash", "--white=1")
 
 
 def python(script: str, *arguments: str) -> str:
@@ -91,3 +97,114 @@ if __name__ == "__main__":
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 def test_errors_of_a_pool_reach_its_parent() -> None:
     assert python(POOL).splitlines() == ["ConvergenceError True", "DeviceError False"]
+
+
+@pytest.fixture
+def depth(tmp_path: Path) -> Path:
+    """A folder with what RENDER needs."""
+    np.save(tmp_path / "depth.npy", np.ones((9, 9)))
+    return tmp_path
+
+
+INTERRUPTED_AT_AN_IMPORT = """
+import os, signal, sys
+
+at, seen = int(sys.argv.pop(1)), 0
+
+class Interrupt:
+    def find_spec(name, *_arguments):
+        global seen
+        seen += seen > 0 or name.startswith("persfs_cl.cli.")
+        if seen == at:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from persfs_cl.cli import main
+try:
+    main()
+finally:
+    if at < 0:
+        print(seen)
+"""
+
+
+def interrupted(at: int, folder: Path) -> subprocess.CompletedProcess[str]:
+    """The command, with Ctrl-C at the import of this number."""
+    command = [sys.executable, "-c", INTERRUPTED_AT_AN_IMPORT, str(at), *RENDER, "--overwrite"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
+
+
+def test_ctrl_c_at_any_import_is_quiet(depth: Path) -> None:
+    whole = interrupted(-1, depth)
+    assert whole.returncode == 0, whole.stderr
+    image = (depth / "image.png").read_bytes()
+    imports = int(whole.stdout.split()[-1])
+    assert imports > 100
+    moments = [1, 2, 3, *(imports * part // 6 for part in range(1, 7))]
+    with ThreadPoolExecutor(2) as pool:
+        for moment, done in zip(moments, pool.map(interrupted, moments, [depth] * len(moments)), strict=True):
+            assert (done.returncode, done.stdout) == (130, ""), (moment, done.stderr)
+            assert done.stderr.splitlines()[-1] == "persfs-cl: interrupted.", moment
+            assert "Traceback" not in done.stderr
+            assert "ignored" not in done.stderr
+    assert {path.name: path.read_bytes() for path in depth.glob("*.png")} == {"image.png": image}
+    assert not list(depth.glob(".*"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize(
+    ("streams", "status", "said"),
+    [
+        (">&-", 1, "standard output cannot be written: Bad file descriptor"),
+        ("> /dev/full", 1, "standard output cannot be written: No space left on device"),
+        ("2>&-", 0, ""),
+        ("2> /dev/full", 0, ""),
+        ("<&- >&- 2>&-", 1, ""),
+    ],
+)
+def test_results_are_written_whatever_the_streams_are(streams: str, status: int, said: str, depth: Path) -> None:
+    command = ["sh", "-c", f'"$@" {streams}', "sh", sys.executable, "-m", "persfs_cl", *RENDER]
+    done = subprocess.run(command, cwd=depth, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == status
+    assert done.stdout.strip() == ("image.png" if status == 0 else "")
+    lines = done.stderr.splitlines()
+    assert len(lines) == (2 if said else 0), "the brightness of white, and what is wrong"
+    assert not said or lines[1].startswith(f"persfs-cl: {said}")
+    assert (depth / "image.png").stat().st_size > 0
+    assert {path.name for path in depth.iterdir()} == {"depth.npy", "image.png"}
+
+
+def test_a_reader_that_left_is_no_reason_to_complain(depth: Path) -> None:
+    theirs, ours = os.pipe()
+    os.close(theirs)
+    command = [sys.executable, "-m", "persfs_cl", *RENDER]
+    done = subprocess.run(command, cwd=depth, stdout=ours, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+    os.close(ours)
+    assert done.returncode == 1
+    assert done.stderr == "White is a brightness of 1.\n"
+    assert (depth / "image.png").exists()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="this system has no terminals that hang up")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_what_is_ignored_from_the_start_stays_so(number: str) -> None:
+    script = f"""
+import os, signal
+signal.signal(signal.{number}, signal.SIG_IGN)
+from persfs_cl.cli.interrupts import raising
+from persfs_cl.cli.signals import answer, leave_at_once
+answer(leave_at_once)
+signal.raise_signal(signal.{number})
+with raising():
+    signal.raise_signal(signal.{number})
+print("alive", flush=True)
+for other in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    if other != signal.{number}:
+        try:
+            with raising():
+                signal.raise_signal(other)
+        except KeyboardInterrupt:
+            print("interrupted")
+"""
+    assert python(script).split() == ["alive", "interrupted", "interrupted"]
