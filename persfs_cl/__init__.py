@@ -7,31 +7,76 @@
 See :func:`reconstruct` for the main entry, :func:`read_image` for photographs, :func:`devices` for OpenCL.
 """
 
-from importlib.metadata import version as _version
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from persfs_cl._cl.device import Device, devices
+    from persfs_cl.camera import Camera
+    from persfs_cl.errors import (
+        CameraError,
+        ConvergenceError,
+        DeviceError,
+        InputError,
+        KernelBuildError,
+        PersfsError,
+    )
+    from persfs_cl.forward import render
+    from persfs_cl.grey import normalise_grey
+    from persfs_cl.images import read_image, read_photo
+    from persfs_cl.light import FlashLight, ParallelLight
+    from persfs_cl.metrics import Errors, compare
+    from persfs_cl.photograph import Preparation, PreparedPhoto, prepare_photo
+    from persfs_cl.reflectance import Lambertian, OrenNayar, Phong
+    from persfs_cl.scanned import mesh_scene
+    from persfs_cl.scenes import Scene, bump, bumps, hillside, sphere_cap, vase
+    from persfs_cl.solution import Elapsed, Solution, Status
+    from persfs_cl.solver import reconstruct, reconstruct_batch
 
-from persfs_cl._cl.device import Device, devices
-from persfs_cl.camera import Camera
-from persfs_cl.errors import (
-    CameraError,
-    ConvergenceError,
-    DeviceError,
-    InputError,
-    KernelBuildError,
-    PersfsError,
-)
-from persfs_cl.forward import render
-from persfs_cl.grey import normalise_grey
-from persfs_cl.images import read_image, read_photo
-from persfs_cl.light import FlashLight, ParallelLight
-from persfs_cl.metrics import Errors, compare
-from persfs_cl.photograph import Preparation, PreparedPhoto, prepare_photo
-from persfs_cl.reflectance import Lambertian, OrenNayar, Phong
-from persfs_cl.scanned import mesh_scene
-from persfs_cl.scenes import Scene, bump, bumps, hillside, sphere_cap, vase
-from persfs_cl.solution import Elapsed, Solution, Status
-from persfs_cl.solver import reconstruct, reconstruct_batch
+    __version__: str
+else:
+    # Imported when first asked for. The command imports this module before it can answer Ctrl-C, and NumPy and pyopencl
+    # take half a second; a program that reads photographs needs no OpenCL.
+    _HOMES = {
+        "_cl.device": ("Device", "devices"),
+        "camera": ("Camera",),
+        "errors": (
+            "CameraError",
+            "ConvergenceError",
+            "DeviceError",
+            "InputError",
+            "KernelBuildError",
+            "PersfsError",
+        ),
+        "forward": ("render",),
+        "grey": ("normalise_grey",),
+        "images": ("read_image", "read_photo"),
+        "light": ("FlashLight", "ParallelLight"),
+        "metrics": ("Errors", "compare"),
+        "photograph": ("Preparation", "PreparedPhoto", "prepare_photo"),
+        "reflectance": ("Lambertian", "OrenNayar", "Phong"),
+        "scanned": ("mesh_scene",),
+        "scenes": ("Scene", "bump", "bumps", "hillside", "sphere_cap", "vase"),
+        "solution": ("Elapsed", "Solution", "Status"),
+        "solver": ("reconstruct", "reconstruct_batch"),
+    }
 
-__version__ = _version("persfs-cl")
+    def __getattr__(name):
+        from importlib import import_module  # noqa: PLC0415  # this too takes its time
+        from importlib.util import find_spec  # noqa: PLC0415
+
+        if name == "__version__":
+            value = import_module("importlib.metadata").version("persfs-cl")
+        elif home := next((home for home, names in _HOMES.items() if name in names), None):
+            value = getattr(import_module(f"{__name__}.{home}"), name)
+        elif not name.startswith("__") and find_spec(f"{__name__}.{name}"):
+            value = import_module(f"{__name__}.{name}")
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+    def __dir__():
+        return sorted({*globals(), *__all__, "__version__"})
+
 
 __all__ = [
     "Camera",

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from persfs_cl.solution import Solution
 
 
 class PersfsError(Exception):
-    """Base class of every error that persfs_cl raises on purpose."""
+    """Base class of every error that persfs_cl raises on purpose.
+
+    All of them can be pickled and copied, attributes included: an error in a worker process reaches its parent.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Exception would call the class with the message alone, whatever else its __init__ wants.
+        return _restored, (type(self), self.args), self.__dict__
 
 
 class InputError(PersfsError, ValueError):
@@ -44,3 +51,10 @@ class ConvergenceError(PersfsError):
     def __init__(self, message: str, solution: Solution) -> None:
         super().__init__(message)
         self.solution = solution
+
+
+def _restored(kind: type[PersfsError], arguments: tuple[object, ...]) -> PersfsError:
+    """An error as it was pickled, but for its attributes, which pickle sets."""
+    error = kind.__new__(kind)
+    error.args = arguments
+    return error

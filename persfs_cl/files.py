@@ -1,18 +1,43 @@
-"""Files read whole and written whole: nothing half-finished is ever left under a final name."""
+"""Files read whole and written whole: nothing half-finished is ever left under a final name.
+
+What is not finished lies in the same folder under a name that begins with ".persfs-cl-". A process that is killed
+leaves it there, and the next one that writes to the folder removes it. No process number can tell whether the process
+that made it is still alive: the folder may be shared with other machines, or with containers that count their own.
+Instead it holds a lock, which the kernel gives back however the process ends, and knows in every container. Some
+network file systems keep locks to each machine, or have none. So what another machine made, or this one before it was
+started anew, or what has no lock to try, must also be a day old, far more than the writing of any result takes.
+"""
 
 from __future__ import annotations
 
 import errno
+import functools
 import os
+import platform
+import re
+import shutil
 import tempfile
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import groupby
 from pathlib import Path
 
 from persfs_cl.errors import InputError
 
+try:
+    import fcntl
+except ImportError:  # Windows; what is open there cannot be removed anyway
+    fcntl = None  # type: ignore[assignment]
+
 FilePath = str | os.PathLike[str]
+
+_PREFIX = ".persfs-cl-"
+_STEM = re.compile(rf"{re.escape(_PREFIX)}(?P<machine>[0-9a-f]{{8}})-[0-9a-f]{{32}}")
+"""Name of a lock; those of the files and folders that it stands for go on after it."""
+_OLD = 24 * 3600.0
+"""Seconds after which what may be in use elsewhere is not."""
 
 _REMEDIES = {
     errno.ENOENT: "Create the folder first, or choose another path.",
@@ -48,7 +73,8 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
 
     Whoever looks at `target` sees the old file or the whole new one. The temporary file lies in the same
     folder, with the same suffix, and is removed whenever the block fails, also on Ctrl-C. It is not created
-    here, so the permissions of the finished file are those that the umask gives to any new file.
+    here, so the permissions of the finished file are those that the umask gives to any new file. What killed
+    processes left in the folder is removed first.
 
     Parameters
     ----------
@@ -72,18 +98,19 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
     ...     np.save(temporary, depth)
     """
     final = as_path(target).resolve()
-    temporary = final.with_name(f".{uuid.uuid4().hex}{final.suffix}")
     try:
         # Renaming over a device such as /dev/null would replace it for the whole machine.
         if final.exists() and not final.is_file():
             raise InputError(f"{target} is not a regular file and cannot be replaced: choose another path.")
         if not final.parent.is_dir():
             raise _missing_folder(final.parent)
-        try:
-            yield temporary
-            temporary.replace(final)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with _reserved(final.parent) as stem:
+            temporary = final.with_name(f"{stem}-file{final.suffix}")
+            try:
+                yield temporary
+                temporary.replace(final)
+            finally:
+                temporary.unlink(missing_ok=True)
     except OSError as error:
         raise _not_written(target, error) from error
 
@@ -92,7 +119,8 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
 def filling(folder: FilePath) -> Iterator[Path]:
     """A temporary folder whose files become those of `folder` once the block has ended without an error.
 
-    Whatever ends the block early, Ctrl-C included, leaves `folder` and the folders above it as they were.
+    Whatever ends the block early, Ctrl-C included, leaves `folder` and the folders above it as they were. What killed
+    processes left in `folder` is removed first.
 
     Parameters
     ----------
@@ -115,7 +143,7 @@ def filling(folder: FilePath) -> Iterator[Path]:
     try:
         new += [place for place in (final, *final.parents) if not place.exists()]
         final.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".persfs-cl-", dir=final) as temporary:
+        with _reserved(final) as stem, tempfile.TemporaryDirectory(prefix=f"{stem}-", dir=final) as temporary:
             try:
                 yield Path(temporary)
             except InputError as error:
@@ -128,6 +156,27 @@ def filling(folder: FilePath) -> Iterator[Path]:
         if isinstance(error, OSError):
             raise _not_written(folder, error) from error
         raise
+
+
+def is_temporary(path: Path) -> bool:
+    """Whether a file or folder is one that this package works on, or left behind when it was killed: no result."""
+    return path.name.startswith(_PREFIX)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what killed processes left in a folder, and nothing that a living one is at work on.
+
+    Parameters
+    ----------
+    folder : Path
+        What cannot be read or removed in it stays.
+    """
+    with suppress(OSError):
+        with os.scandir(folder) as entries:
+            left = sorted(entry.name for entry in entries if entry.name.startswith(_PREFIX))
+        for stem, names in groupby(left, key=_stem):
+            with suppress(OSError):
+                _remove_unused(folder / stem, [folder / name for name in names if name != stem])
 
 
 def read_bytes(path: FilePath) -> bytes:
@@ -158,6 +207,86 @@ def read_bytes(path: FilePath) -> bytes:
     if not data:
         raise InputError(f"{path} is empty (0 bytes): copy or save it again.")
     return data
+
+
+@contextmanager
+def _reserved(folder: Path) -> Iterator[str]:
+    """How the names of temporary files and folders in a folder are to begin, locked until the block ends."""
+    if any(map(is_temporary, (folder, *folder.parents))):
+        # Inside of one that is locked: it goes with that.
+        yield f"{_PREFIX}{uuid.uuid4().hex}"
+        return
+    remove_leftovers(folder)
+    stem, lock = "", None
+    try:
+        while lock is None:
+            stem = f"{_PREFIX}{_machine()}-{uuid.uuid4().hex}"
+            lock = os.open(folder / stem, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+            if _taken(lock) is False or not (folder / stem).exists():
+                # Another process came between, and removed what nobody held yet.
+                os.close(lock)
+                lock = None
+        yield stem
+    finally:
+        if lock is not None:
+            os.close(lock)  # first: network file systems keep what is removed while it is open
+            with suppress(OSError):
+                (folder / stem).unlink()
+
+
+def _remove_unused(lock: Path, places: list[Path]) -> None:
+    """Remove a lock, and the temporary files and folders that it stands for, if no process holds it."""
+    name = _STEM.fullmatch(lock.name)
+    handle = None
+    try:
+        if name is not None:
+            # Made before what it stands for and removed after: where it is missing, nobody holds it.
+            with suppress(FileNotFoundError):
+                handle = os.open(lock, os.O_RDWR)
+        taken = True if handle is None else _taken(handle)
+        sure = taken and name is not None and name["machine"] == _machine()
+        if taken is False or not (sure or all(_is_old(place) for place in (*places, lock) if os.path.lexists(place))):
+            return
+        for place in (*places, lock):
+            if place.is_dir() and not place.is_symlink():
+                shutil.rmtree(place)
+            else:
+                place.unlink(missing_ok=True)
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+def _is_old(place: Path) -> bool:
+    return time.time() - place.lstat().st_mtime > _OLD
+
+
+def _stem(name: str) -> str:
+    found = _STEM.match(name)
+    return found[0] if found else name
+
+
+def _taken(lock: int) -> bool | None:
+    """Whether this process now holds a lock that is open; None where there are no locks."""
+    if fcntl is None:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+@functools.cache
+def _machine() -> str:
+    """What tells machines, and their starts, from each other, in eight letters."""
+    try:
+        text = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
+    except OSError:  # not Linux
+        text = platform.node()
+    return uuid.uuid5(uuid.NAMESPACE_OID, text).hex[:8]
 
 
 def _move(files: list[Path], folder: Path) -> None:

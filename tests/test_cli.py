@@ -15,6 +15,7 @@ import time
 import typing
 import weakref
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,12 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import persfs_cl as ps
-from persfs_cl import grey, solver
+from persfs_cl import files, grey, solver
 from persfs_cl._cl import device as device_room
 from persfs_cl.cli.app import app
+from persfs_cl.cli.interrupts import raising, stop_on_interrupt
 from persfs_cl.cli.output import in_options
-from persfs_cl.cli.progress import remaining_iterations, stop_on_interrupt, writing
+from persfs_cl.cli.progress import remaining_iterations
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.images import read_depth, read_photo, write_depth, write_grey
 from persfs_cl.photograph import Preparation, cos4_vignetting, prepare_photo
@@ -99,10 +101,12 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def ctrl_c() -> Iterator[None]:
-    """Python's own answer to Ctrl-C, which a test run in the background of a shell lacks."""
-    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Python's own answer to Ctrl-C, which a test run in the background of a shell lacks; the usual ones to others."""
+    previous = {signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler)}
+    previous |= {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGTERM, signal.SIGHUP)}
     yield
-    signal.signal(signal.SIGINT, previous)
+    for number, answer in previous.items():
+        signal.signal(number, answer)
 
 
 def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
@@ -615,15 +619,14 @@ def test_a_demo_that_fails_leaves_nothing_behind(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_full_standard_output_is_named_and_results_stay(photo: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "persfs_cl", "reconstruct", str(photo), "-o", str(tmp_path / "out"), *FOCAL]
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stderr.count("\n") == 1
-    assert "standard output cannot be written: No space left on device" in done.stderr
-    assert names(tmp_path / "out") == FILES
+@pytest.mark.usefixtures("quick")
+def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    left = out / f".persfs-cl-{files._machine()}-{'1' * 32}-abc"
+    left.mkdir(parents=True)
+    (left / "depth.npy").write_text("half")
+    assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
+    assert names(out) == {"depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json"}
 
 
 @pytest.mark.usefixtures("quick")
@@ -661,11 +664,12 @@ def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatc
 
 
 @pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupt_of_the_preparation_writes_nothing(
-    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    number: signal.Signals, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def prepare(*_arguments: object, **_keywords: object) -> None:
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(number)
         pytest.fail("the preparation goes on")
 
     monkeypatch.setattr("persfs_cl.cli.photo.prepare_photo", prepare)
@@ -674,16 +678,39 @@ def test_interrupt_of_the_preparation_writes_nothing(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("ctrl_c", "quick")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_comes_twice_at_once_keeps_what_there_is(
+    number: signal.Signals, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def progress(*_arguments: object) -> Iterator[Callable[[int, float], None]]:
+        def show(iteration: int, _change: float) -> None:
+            for _ in range(2 * (iteration == 2)):  # as timeout sends it
+                signal.raise_signal(number)
+
+        yield show
+
+    monkeypatch.setattr("persfs_cl.cli.reconstruct.progress_line", progress)
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--tolerance=0")
+    assert outcome.status == 130
+    assert strict(tmp_path / "out" / "report.json")["status"] == "STOPPED"
+    assert strict(tmp_path / "out" / "report.json")["iterations"] == 2
+    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json"}
+
+
 @pytest.mark.usefixtures("ctrl_c")
-@pytest.mark.parametrize("existing", [False, True])
+@pytest.mark.parametrize(
+    ("existing", "number"), [(False, signal.SIGINT), (True, signal.SIGINT), (True, signal.SIGTERM)]
+)
 def test_interrupt_of_the_pictures_keeps_the_rest(
-    existing: bool, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    existing: bool, number: signal.Signals, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
     if existing:
         out.mkdir()
         (out / "relief.png").write_text("old")
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: signal.raise_signal(number))
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
     assert outcome.status == 130
@@ -734,6 +761,7 @@ def test_stop_on_interrupt_asks_first_and_raises_then() -> None:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 @pytest.mark.usefixtures("ctrl_c")
@@ -746,7 +774,7 @@ def test_stop_on_interrupt_leaves_an_ignored_interrupt_ignored() -> None:
 
 
 @pytest.mark.usefixtures("ctrl_c")
-def test_interrupt_in_a_weak_reference_ends_the_writing() -> None:
+def test_interrupt_in_a_weak_reference_ends_the_command() -> None:
     things = [{"some", "thing"}]
     reference = weakref.ref(things[0], lambda _reference: signal.raise_signal(signal.SIGINT))
 
@@ -756,7 +784,7 @@ def test_interrupt_in_a_weak_reference_ends_the_writing() -> None:
         for _ in range(300):
             time.sleep(0.1)
 
-    with pytest.raises(KeyboardInterrupt), writing():
+    with pytest.raises(KeyboardInterrupt), raising():
         draw()
 
 

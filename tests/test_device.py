@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -172,3 +176,74 @@ def test_a_wrong_environment_is_an_error_and_never_a_question() -> None:
     code = "import persfs_cl as ps, numpy as np; ps.reconstruct(np.eye(9), ps.Camera(9.0))"
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert "DeviceError: PYOPENCL_CTX='no such device'" in run.stderr
+
+
+def test_of_equal_devices_a_pickled_one_is_the_same_again(machine: Any) -> None:
+    gpus = [handle("NVIDIA H100", GPU, "OpenCL 3.0 CUDA 13.0", "NVIDIA CUDA") for _ in range(3)]
+    found = machine(*gpus, handle("pthread-EPYC", CPU, "OpenCL 3.0 PoCL 3.1"))
+    pickled = [pickle.dumps(device) for device in found]
+    assert [pickle.loads(each) for each in pickled] == found
+    machine(gpus[0])
+    assert pickle.loads(pickled[1]).name == "NVIDIA H100"
+    with pytest.raises(ps.DeviceError, match="Number 3 of the devices NVIDIA H100"):
+        pickle.loads(pickled[3])
+
+
+def in_eight_threads(function: Callable[[], object]) -> set[int]:
+    """Identities of what a function gives to threads that call it at once."""
+    barrier = threading.Barrier(8)
+
+    def call() -> object:
+        barrier.wait()
+        return function()
+
+    with ThreadPoolExecutor(8) as pool:
+        results = [pool.submit(call) for _ in range(8)]
+        return {id(result.result()) for result in results}
+
+
+def test_threads_get_the_same_objects(machine: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def slowly(*_arguments: object, **_keywords: object) -> Any:
+        threading.Event().wait(0.01)
+        return object()
+
+    machine(handle("pthread-EPYC", CPU, "OpenCL 3.0 PoCL 3.1"))
+    platforms = cl.get_platforms()
+    monkeypatch.setattr(cl, "get_platforms", lambda: slowly() and platforms)
+    monkeypatch.setattr(cl, "Context", slowly)
+    monkeypatch.setattr(cl, "CommandQueue", slowly)
+    device_module._all_devices.cache_clear()
+    assert len(in_eight_threads(lambda: ps.devices()[0])) == 1
+    device = ps.devices()[0]
+    assert len(in_eight_threads(lambda: device.queue)) == 1
+    assert len(in_eight_threads(lambda: device.context)) == 1
+
+
+class Refusing:
+    """A platform or device of which a driver tells nothing."""
+
+    def __getattr__(self, _name: str) -> Any:
+        raise cl.LogicError("refused")
+
+
+def test_what_a_driver_refuses_is_a_warning_or_an_error_of_ours(machine: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine(handle("pthread-EPYC", CPU, "OpenCL 3.0 PoCL 3.1"))
+    good = cl.get_platforms()
+    bad = SimpleNamespace(name="bad", get_devices=lambda: [Refusing()])
+    monkeypatch.setattr(cl, "get_platforms", lambda: [Refusing(), bad, *good])
+    device_module._all_devices.cache_clear()
+    with pytest.warns(UserWarning, match="OpenCL") as warned:
+        (device,) = ps.devices()
+    assert [str(each.message) for each in warned] == [
+        "OpenCL platform number 0 lists no devices: refused",
+        "An OpenCL device that does not say what it is was left out: refused",
+    ]
+    assert (device.name, device.index) == ("pthread-EPYC", 0)
+
+    def refuse(*_arguments: object, **_keywords: object) -> None:
+        raise cl.MemoryError("refused")
+
+    monkeypatch.setattr(cl, "Context", refuse)
+    for use in (lambda: device.context, lambda: device.queue):
+        with pytest.raises(ps.DeviceError, match=r"pthread-EPYC .* gives no context: refused"):
+            use()

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from persfs_cl import files
 from persfs_cl.errors import InputError
-from persfs_cl.files import as_path, atomic_path, filling, read_bytes
+from persfs_cl.files import as_path, atomic_path, filling, is_temporary, read_bytes, remove_leftovers
 
 
 def test_the_target_appears_only_when_the_block_ends(tmp_path: Path) -> None:
@@ -208,3 +213,113 @@ def test_nothing_is_replaced_when_one_file_cannot_be(tmp_path: Path) -> None:
         fill(tmp_path)
     assert (tmp_path / "a").read_text() == "old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+
+
+UNTIL_KILLED = """
+import sys, time
+from pathlib import Path
+from persfs_cl.files import atomic_path, filling
+
+with filling(sys.argv[1]) as folder, atomic_path(Path(sys.argv[1]) / "a.npy") as file:
+    for place in (folder / "depth.npy", file):
+        place.write_text("half")
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def unfinished(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A process that is writing to tmp_path / "out"."""
+    command = [sys.executable, "-c", UNTIL_KILLED, str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        yield process
+        process.kill()
+
+
+def write_and_list(folder: Path, write: Callable[[Path], None]) -> tuple[list[str], list[str]]:
+    """Names that are there after a writing, results and temporary ones."""
+    write(folder)
+    found = sorted(folder.iterdir())
+    return [path.name for path in found if not is_temporary(path)], [path.name for path in found if is_temporary(path)]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs locks that a killed process gives back")
+@pytest.mark.parametrize("write", [fill, lambda folder: write_to(folder / "a")])
+def test_what_a_killed_process_left_is_removed_and_a_living_one_is_let_be(
+    unfinished: subprocess.Popen[str], write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    _, of_living = write_and_list(folder, write)
+    assert len(of_living) == 4, "a lock each for a folder and a file"
+    unfinished.kill()
+    unfinished.wait()
+    results, left = write_and_list(folder, write)
+    assert "a" in results
+    assert left == []
+
+
+DAY = 24 * 3600.0
+
+
+@pytest.mark.parametrize("machine", ["this", "other"])
+@pytest.mark.parametrize("locks", ["free", "missing", "held", "unsupported"])
+def test_leftovers_of_another_machine_must_be_old(
+    machine: str, locks: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = files._machine() if machine == "this" else "0" * 8
+    stem = f".persfs-cl-{name}-{'1' * 32}"
+    lock, file, folder = (tmp_path / f"{stem}{end}" for end in ("", "-file.npy", "-abc"))
+    folder.mkdir()
+    places = [folder, folder / "depth.npy", file] + [lock] * (locks != "missing")
+    for place in places[1:]:
+        place.write_text("half")
+    with lock.open() if locks == "held" else nullcontext() as held:
+        if held is not None:
+            assert files._taken(held.fileno())
+        if locks == "unsupported":
+            monkeypatch.setattr(files, "_taken", lambda _handle: None)
+        remove_leftovers(tmp_path)
+        sure = machine == "this" and locks in ("free", "missing")
+        assert bool(list(tmp_path.iterdir())) != sure
+        for place in places if not sure else ():
+            os.utime(place, (time.time() - 1.1 * DAY,) * 2)
+        remove_leftovers(tmp_path)
+        assert bool(list(tmp_path.iterdir())) == (locks == "held")
+
+
+def test_only_our_own_names_are_taken_for_leftovers(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "mine").write_text("mine")
+    for name in (".persfs", "persfs-cl-mine", ".persfs-cl-young"):
+        (tmp_path / name).write_text("mine")
+    (tmp_path / ".persfs-cl-folder").mkdir()
+    (tmp_path / ".persfs-cl-link").symlink_to(tmp_path / "elsewhere")
+    for path in [*tmp_path.iterdir()]:
+        if path.name != ".persfs-cl-young":
+            os.utime(path, (time.time() - 1.1 * DAY,) * 2, follow_symlinks=False)
+    remove_leftovers(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {".persfs", "persfs-cl-mine", ".persfs-cl-young", "elsewhere"}
+    assert (tmp_path / "elsewhere" / "mine").read_text() == "mine"
+    remove_leftovers(tmp_path / "missing")
+
+
+def test_a_lock_that_was_removed_before_it_was_held_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = files._taken
+    made: list[Path] = []
+
+    def too_late(handle: int) -> bool | None:
+        (lock,) = (path for path in tmp_path.iterdir() if is_temporary(path))
+        made.append(lock)
+        if len(made) == 1:
+            lock.unlink()
+        return usual(handle)
+
+    monkeypatch.setattr(files, "_taken", too_late)
+    write_to(tmp_path / "a")
+    assert len(set(made)) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import email
 import os
+import pkgutil
 import subprocess
 import sys
 import tarfile
@@ -13,6 +14,8 @@ from email.message import Message
 from pathlib import Path
 
 import pytest
+
+import persfs_cl
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -159,3 +162,37 @@ print(*sorted(slow & set(sys.modules)))
     # In an empty directory: what an import leaves behind would show.
     assert run(sys.executable, "-c", script, cwd=tmp_path, PYTHONPATH=str(installed)).split() == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_public_names_are_imported_when_asked_for() -> None:
+    script = """
+import sys
+import persfs_cl as ps
+import persfs_cl.cli
+print(*{"numpy", "pyopencl", "typer"} & sys.modules.keys(), "early")
+listed = dir(ps)
+assert {*ps.__all__, "__version__"} <= {*listed}
+assert ps.scenes.bump is ps.bump
+from persfs_cl import *
+assert reconstruct is ps.reconstruct
+assert all(name in globals() for name in ps.__all__)
+assert not hasattr(ps, "nonsense")
+"""
+    assert run(sys.executable, "-c", script, cwd=ROOT).split() == ["early"]
+
+
+def test_what_types_are_checked_with_is_what_is_imported() -> None:
+    (branch,) = (
+        node for node in ast.parse((ROOT / "persfs_cl" / "__init__.py").read_text()).body if isinstance(node, ast.If)
+    )
+    checked = {
+        str(node.module): tuple(name.name for name in node.names)
+        for node in branch.body
+        if isinstance(node, ast.ImportFrom)
+    }
+    homes: dict[str, tuple[str, ...]] = vars(persfs_cl)["_HOMES"]
+    assert {f"persfs_cl.{home}": names for home, names in homes.items()} == checked
+    names = [name for names in homes.values() for name in names]
+    assert sorted(names) == sorted(persfs_cl.__all__)
+    modules = {module.name for module in pkgutil.iter_modules(persfs_cl.__path__)}
+    assert not modules.intersection(names), "the import of a module would put it in the place of what is public"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+import operator
 import os
 import re
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pyopencl as cl
@@ -22,11 +24,17 @@ INSTALL_HINT = (
 )
 _SELECT = "Give one of these numbers, part of a name, 'cpu' or 'gpu', or leave it out."
 
+_finding = threading.Lock()
+_owner: int | None = None
+"""The process that first asked OpenCL for anything."""
+
 
 class Device:
     """One OpenCL device, with its context, queue, programs and kernels, which are made at first use and reused.
 
-    Obtained from :func:`devices`; never constructed by users.
+    Obtained from :func:`devices`; never constructed by users. A device may be pickled: another process finds the same
+    one again, by name, driver and, of several equal ones, place. OpenCL does not survive a fork: a forked child can
+    hold a device and read what it is called, but its use there raises :class:`DeviceError`.
 
     Attributes
     ----------
@@ -70,23 +78,44 @@ class Device:
         self.register_bits: int | None = None
         self.programs: dict[object, cl.Program] = {}
         self.kernels: dict[object, cl.Kernel] = {}
+        self._context: cl.Context | None = None
+        self._queue: cl.CommandQueue | None = None
 
-    @functools.cached_property
+    @property
     def context(self) -> cl.Context:
         """The device's one context."""
-        with self._lock:
-            return cl.Context([self._handle])
+        _claim_process()
+        if self._context is None:  # asked before the lock too, which another thread may hold for a whole run
+            with self._lock, self._refusal("context"):
+                self._context = self._context or cl.Context([self._handle])
+        return self._context
 
-    @functools.cached_property
+    @property
     def queue(self) -> cl.CommandQueue:
         """The device's one in-order queue; events carry times."""
-        with self._lock:
-            return cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+        _claim_process()
+        if self._queue is None:
+            timed = cl.command_queue_properties.PROFILING_ENABLE
+            with self._lock, self._refusal("queue"):
+                self._queue = self._queue or cl.CommandQueue(self.context, properties=timed)
+        return self._queue
 
     @property
     def lock(self) -> threading.RLock:
         """Held while a program is built or a run uses the queue: OpenCL kernels are not thread-safe."""
+        # In a forked child it would stay locked for ever if a thread held it at the time.
+        _claim_process()
         return self._lock
+
+    @contextmanager
+    def _refusal(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except cl.Error as error:
+            raise DeviceError(
+                f"{self} gives no {what}: {error}. Another program may use all of it: try again later, or give another "
+                "device."
+            ) from error
 
     def real(self, precision: str) -> np.dtype[np.floating]:
         """NumPy type for a precision, after checking that the device has it.
@@ -113,16 +142,49 @@ class Device:
     def __repr__(self) -> str:
         return f"Device({self.index}, {self.kind}, {self})"
 
-    def __reduce__(self) -> tuple[Callable[..., Device], tuple[str, str]]:
-        """Pickled as what it is called: another process, or machine, looks for a device of that name."""
-        return _named, (self.name, self.platform_version)
+    def __reduce__(self) -> tuple[Callable[..., Device], tuple[str, str, int]]:
+        """Pickled as what it is called: another process, or machine, looks for a device of that name.
+
+        Several of one name, as in a machine with equal GPUs, are told apart by their order.
+        """
+        place = _of_name(self.name, self.platform_version).index(self)
+        return _named, (self.name, self.platform_version, place)
 
 
-def _named(name: str, platform_version: str) -> Device:
-    for device in devices():
-        if (device.name, device.platform_version) == (name, platform_version):
-            return device
-    raise DeviceError(f"The device {name} ({platform_version}) of a pickled result is not there. {INSTALL_HINT}")
+def _named(name: str, platform_version: str, place: int) -> Device:
+    found = _of_name(name, platform_version)
+    if place < len(found):
+        return found[place]
+    which = f"Number {place + 1} of the devices" if found else "The device"
+    raise DeviceError(f"{which} {name} ({platform_version}) of a pickled result is not there. {INSTALL_HINT}")
+
+
+def _of_name(name: str, platform_version: str) -> list[Device]:
+    # A forked child has the list of its parent, and needs no OpenCL to look at it. An error that early, while a pool
+    # unpickles a task, would end the worker and be lost, and the parent would wait for ever: it is raised at first use.
+    found = _all_devices() if _forked() else devices()
+    return [device for device in found if (device.name, device.platform_version) == (name, platform_version)]
+
+
+def _forked() -> bool:
+    return _owner not in (None, os.getpid())
+
+
+def _claim_process() -> None:
+    """Remember that this process uses OpenCL, unless a parent did before the fork: the driver's threads stayed there.
+
+    Raises
+    ------
+    DeviceError
+        In such a child, where the driver would wait for its threads for ever.
+    """
+    global _owner  # noqa: PLW0603  # a process is what there is one of
+    if _forked():
+        raise DeviceError(
+            f"OpenCL does not survive a fork: process {_owner} used it before it forked process {os.getpid()}. Use "
+            'multiprocessing with the start method "spawn", or fork before OpenCL is first used.'
+        )
+    _owner = os.getpid()
 
 
 def _kind(handle: cl.Device) -> str:
@@ -145,6 +207,7 @@ def _platform_age(handle: cl.Device) -> tuple[int, ...]:
 
 @functools.cache
 def _all_devices() -> tuple[Device, ...]:
+    _claim_process()
     said = prepare_caches()
     try:
         platforms = cl.get_platforms()
@@ -154,25 +217,54 @@ def _all_devices() -> tuple[Device, ...]:
     for text in said:
         warnings.warn(text, UserWarning, stacklevel=3)
     handles = []
-    for platform in platforms:
+    for number, platform in enumerate(platforms):
         try:
             handles += platform.get_devices()
         except cl.Error as error:
-            warnings.warn(f"OpenCL platform {platform.name!r} lists no devices: {error}", stacklevel=2)
-    order = {"cpu": 0, "gpu": 1, "other": 2}
-    handles.sort(key=lambda handle: (order[_kind(handle)], _platform_age(handle)))
-    return tuple(Device(index, handle) for index, handle in enumerate(handles))
+            name = _name_or_number(platform, number)
+            warnings.warn(f"OpenCL platform {name} lists no devices: {error}", stacklevel=3)
+    found = []
+    for handle in handles:
+        try:
+            found.append((_rank(handle), Device(0, handle)))
+        except cl.Error as error:
+            warnings.warn(f"An OpenCL device that does not say what it is was left out: {error}", stacklevel=3)
+    found.sort(key=operator.itemgetter(0))
+    for index, (_, device) in enumerate(found):
+        device.index = index
+    return tuple(device for _, device in found)
+
+
+def _rank(handle: cl.Device) -> tuple[int, tuple[int, ...]]:
+    return {"cpu": 0, "gpu": 1, "other": 2}[_kind(handle)], _platform_age(handle)
+
+
+def _name_or_number(platform: cl.Platform, number: int) -> str:
+    try:
+        return repr(platform.name)
+    except cl.Error:
+        return f"number {number}"
 
 
 def devices() -> list[Device]:
     """All OpenCL devices: CPUs first, then GPUs; of several drivers for a processor the newest first.
 
+    From the first call on, a child of this process that is made by a fork cannot use OpenCL: use multiprocessing with
+    the start method "spawn".
+
     Returns
     -------
     list of Device
-        Empty when no OpenCL driver is installed.
+        Empty when no OpenCL driver is installed. The same objects in every call and thread.
+
+    Raises
+    ------
+    DeviceError
+        In a process that was forked after OpenCL was used.
     """
-    return list(_all_devices())
+    _claim_process()
+    with _finding:  # a cache alone lets two threads make two objects of one device
+        return list(_all_devices())
 
 
 def select_device(selector: int | str | Device | None = None) -> Device:
@@ -187,7 +279,7 @@ def select_device(selector: int | str | Device | None = None) -> Device:
     Raises
     ------
     DeviceError
-        When there is no device, or none that fits.
+        When there is no device, or none that fits, or in a process that was forked after OpenCL was used.
     """
     found = devices()
     if isinstance(selector, Device):
@@ -223,4 +315,7 @@ def _from_environment(found: list[Device]) -> Device:
         raise DeviceError(
             f"PYOPENCL_CTX={wanted!r} names no device ({error}): unset it, or see 'persfs-cl devices'."
         ) from error
-    return next(device for device in found if device.is_handle(handle))
+    for device in found:
+        if device.is_handle(handle):
+            return device
+    raise DeviceError(f"PYOPENCL_CTX={wanted!r} names a device that cannot be used: see 'persfs-cl devices'.")

@@ -4,13 +4,37 @@ from __future__ import annotations
 
 import sys
 
+try:
+    from persfs_cl.cli.signals import INTERRUPTED, answer, leave_at_once
+except KeyboardInterrupt:
+    # Even these few modules take a moment, and nobody is there yet who would catch it.
+    sys.stderr.write("persfs-cl: interrupted.\n")
+    sys.exit(130)
+
+_INPUT_FAILED = 1
+
 
 def main() -> None:
     """Run the command that the command line names; ends the process with its exit status."""
+    # For good: what a command has to clean up, it does while it runs, under answers of its own.
+    answer(leave_at_once)
     try:
-        from persfs_cl.cli.app import app  # noqa: PLC0415  # slow, and guarded here
+        from persfs_cl.cli.streams import open_streams, unwritten  # noqa: PLC0415  # slow, and guarded here
+
+        open_streams()
+        from persfs_cl.cli.app import app  # noqa: PLC0415
 
         app(prog_name="persfs-cl")
     except KeyboardInterrupt:
         sys.stderr.write("persfs-cl: interrupted.\n")
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
+    except SystemExit as ended:
+        why = unwritten()
+        if why:
+            sys.stderr.write(
+                f"persfs-cl: standard output cannot be written: {why}. Direct it elsewhere; files are written all the "
+                "same.\n"
+            )
+        if why is not None and not ended.code:
+            sys.exit(_INPUT_FAILED)
+        raise

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,20 +15,21 @@ from persfs_cl.cli.bench import bench
 from persfs_cl.cli.compare import compare
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
+from persfs_cl.cli.interrupts import raising
 from persfs_cl.cli.output import in_options
 from persfs_cl.cli.paper import paper
-from persfs_cl.cli.progress import INTERRUPTED
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.cli.render import render
+from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.errors import DeviceError, PersfsError
 
 _INPUT_FAILED, _NO_DEVICE = 1, 3
-_STDOUT_FAILED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 _EPILOG = """[bold]Exit status[/bold]
 
-0: done. 1: an input could not be used, or a result not be written; standard error says which and why.
-2: the command line is wrong. 3: no usable OpenCL device. 130: interrupted by Ctrl-C.
+0: done. 1: an input could not be used, or a result not be written, or standard output not take what was to be printed;
+standard error says which and why. 2: the command line is wrong. 3: no usable OpenCL device.
+130: interrupted by Ctrl-C, or by the signals SIGTERM or SIGHUP, which do the same.
 """
 _RECONSTRUCT_EPILOG = """[bold]Examples[/bold]
 
@@ -49,7 +47,7 @@ The paths of the files written go to standard output, one a line; everything els
 
 Ctrl-C ends the iteration: what there is by then is written, report.json says STOPPED, and the exit status is 130.
 During the preparation it ends the program at once. While results are written it leaves out the pictures; depth, mesh
-and report are kept. Pressed again, it ends the program without them.
+and report are kept. Pressed again, it ends the program without them. SIGTERM and SIGHUP do the same.
 """
 _RENDER_EPILOG = """[bold]Example[/bold]
 
@@ -94,7 +92,7 @@ class _Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with self._warnings(ctx):
+            with raising(), self._warnings(ctx):
                 return super().invoke(ctx)
         except typer.BadParameter as error:
             # Some versions of typer put pydantic's words before the message.
@@ -103,17 +101,6 @@ class _Commands(TyperGroup):
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
             raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
-        except OSError as error:
-            # Files fail as InputError and name themselves. A pipe whose reader has left is typer's business.
-            if error.filename is not None or error.errno not in _STDOUT_FAILED:
-                raise
-            _abandon_stdout()
-            typer.echo(
-                f"persfs-cl: standard output cannot be written: {error.strerror}. Direct it elsewhere; result files "
-                "that were written before stay.",
-                err=True,
-            )
-            raise typer.Exit(_INPUT_FAILED) from error
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from error
@@ -137,13 +124,6 @@ class _Commands(TyperGroup):
         parameters = self.commands[ctx.invoked_subcommand].params
         names = [name for parameter in parameters for name in parameter.opts if name.startswith("--")]
         return in_options(message, names)
-
-
-def _abandon_stdout() -> None:
-    """Let what is still buffered go nowhere: Python would try to write it once more at the end, and complain."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
 
 
 def _paragraphs(text: str) -> str:

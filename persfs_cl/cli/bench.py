@@ -27,7 +27,8 @@ from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.options import DeviceOption, PrecisionOption
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
-from persfs_cl.cli.progress import INTERRUPTED, writing
+from persfs_cl.cli.progress import writing
+from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.page import CIRCUMSTANCES, fill_page, marked, read_page
 
 _Choice = TypeVar("_Choice", bound=str)

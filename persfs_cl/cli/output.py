@@ -9,6 +9,8 @@ from pathlib import Path
 
 import typer
 
+from persfs_cl.files import is_temporary
+
 _OPTION = "'--output' / '-o'"
 # A word that is not part of a file's name, and its value if it has one.
 _KEYWORD = re.compile(
@@ -59,7 +61,7 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
     try:
         if folder.exists() and not folder.is_dir():
             raise typer.BadParameter(f"{folder} is a file: name a folder.", param_hint=_OPTION)
-        if folder.exists() and not overwrite and any(folder.iterdir()):
+        if folder.exists() and not overwrite and not all(map(is_temporary, folder.iterdir())):
             raise typer.BadParameter(
                 f"the folder {folder} is not empty: choose another, or add --overwrite.", param_hint=_OPTION
             )

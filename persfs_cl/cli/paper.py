@@ -16,7 +16,8 @@ from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.options import DeviceOption
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
-from persfs_cl.cli.progress import INTERRUPTED, writing
+from persfs_cl.cli.progress import writing
+from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.page import fill_page
 from persfs_cl.paper import fast_marching
 from persfs_cl.paper.experiments import EXPERIMENTS

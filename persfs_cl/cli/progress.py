@@ -1,24 +1,16 @@
-"""What a person at a terminal sees of a long run, and how Ctrl-C ends it."""
+"""What a person at a terminal sees of a long run."""
 
 from __future__ import annotations
 
-import _thread
 import math
-import os
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from types import FrameType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it: 128 + SIGINT."""
 
 
 def remaining_iterations(changes: Sequence[float], tolerance: float, max_iterations: int) -> int:
@@ -87,59 +79,9 @@ def progress_line(tolerance: float, max_iterations: int) -> Iterator[Callable[[i
 
 @contextmanager
 def writing() -> Iterator[None]:
-    """A line on standard error while results are written, if that is a terminal; Ctrl-C is sure to end the block.
-
-    Python drops exceptions in the callbacks of weak references, which drawing runs by the thousand. A dropped
-    KeyboardInterrupt is raised again a moment later.
-    """
-    usual = sys.unraisablehook
-
-    def again(dropped: sys.UnraisableHookArgs) -> None:
-        if isinstance(dropped.exc_value, KeyboardInterrupt):
-            threading.Timer(0.01, _thread.interrupt_main).start()
-        else:
-            usual(dropped)
-
-    sys.unraisablehook = again
-    try:
-        if sys.stderr.isatty():
-            with Console(stderr=True).status("writing the results"):
-                yield
-        else:
+    """A line on standard error while results are written, if that is a terminal."""
+    if sys.stderr.isatty():
+        with Console(stderr=True).status("writing the results"):
             yield
-    finally:
-        sys.unraisablehook = usual
-
-
-@contextmanager
-def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Let Ctrl-C ask for an end once there is something to keep; before that, and the second time, it raises as usual.
-
-    Yields
-    ------
-    callable
-        Whether an end was asked for. Its first call says that from now on there is something to keep.
-    """
-    pressed = threading.Event()
-    asking = False
-
-    def ask(_number: int, _frame: FrameType | None) -> None:
-        pressed.set()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        # Not by print: the signal may have come in the middle of one.
-        os.write(2, b"persfs-cl: stopping; the surface as it is will be written. Ctrl-C again to leave without.\n")
-
-    previous = signal.getsignal(signal.SIGINT)
-
-    def asked() -> bool:
-        nonlocal asking
-        # A shell starts background jobs with Ctrl-C ignored: that must stay so.
-        if not asking and previous != signal.SIG_IGN:
-            signal.signal(signal.SIGINT, ask)
-        asking = True
-        return pressed.is_set()
-
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, previous)
+    else:
+        yield

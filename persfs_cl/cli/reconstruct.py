@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from persfs_cl.choices import Boundary, Ordering, Scheme, Surface
+from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
     CameraOptions,
@@ -35,7 +36,8 @@ from persfs_cl.cli.options import (
 )
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.photo import Brightness, PhotoSolution, solve_photo
-from persfs_cl.cli.progress import INTERRUPTED, progress_line, stop_on_interrupt, writing
+from persfs_cl.cli.progress import progress_line, writing
+from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.errors import InputError
 from persfs_cl.images import Channel, Encoding
 from persfs_cl.light import ParallelLight
