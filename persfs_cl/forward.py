@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import reference
 from persfs_cl._cl import launches
-from persfs_cl._cl.device import Device, select_device
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
 from persfs_cl.choices import Precision
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import lamp
-from persfs_cl._cl.device import Device, select_device
+from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
 from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
 from persfs_cl.errors import CameraError, ConvergenceError, InputError

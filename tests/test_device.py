@@ -17,20 +17,23 @@ import pytest
 
 import persfs_cl as ps
 from persfs_cl._cl import device as device_module
-from persfs_cl._cl.device import select_device
+from persfs_cl._cl import selection
 from persfs_cl._cl.program import program
 from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.selection import select_device
 from persfs_cl._cl.tuning import Tuning
 
 
-def handle(name: str, kind: int, version: str, platform: str = "Portable Computing Language") -> Any:
+def handle(
+    name: str, kind: int, version: str, platform: str = "Portable Computing Language", *, double: bool = True
+) -> Any:
     """What the module reads of a pyopencl device."""
     return SimpleNamespace(
         name=name,
         type=kind,
         platform=SimpleNamespace(name=platform, version=version),
         driver_version=version,
-        double_fp_config=63,
+        double_fp_config=63 if double else 0,
         single_fp_config=63,
         global_mem_size=2**30,
         max_compute_units=2,
@@ -48,6 +51,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
     def install(*handles: Any) -> list[ps.Device]:
         platforms = [SimpleNamespace(name=h.platform.name, get_devices=lambda h=h: [h]) for h in handles]
         monkeypatch.setattr(cl, "get_platforms", lambda: platforms)
+        monkeypatch.setattr(selection, "register_bits", lambda _: 256)
         monkeypatch.delenv("PYOPENCL_CTX", raising=False)
         device_module._all_devices.cache_clear()
         return ps.devices()
@@ -66,6 +70,38 @@ def test_of_several_pocl_versions_the_newest_comes_first(machine: Any) -> None:
     assert [device.platform_version.split()[3] for device in found] == ["10.0", "3.1+debian", "3.0-rc2"]
     assert select_device() is found[0]
     assert [device.index for device in found] == [0, 1, 2]
+
+
+def test_versions_of_several_makers_are_not_compared(machine: Any) -> None:
+    """Nor does a device without double precision come before one that has it."""
+    found = machine(
+        handle("weak GPU", GPU, "OpenCL 3.0", "rusticl", double=False),
+        handle("llvmpipe", CPU, "OpenCL 9.9", "rusticl", double=False),
+        handle("Xeon", CPU, "OpenCL 3.1 LINUX", "Intel(R) OpenCL"),
+        handle("GPU", GPU, "OpenCL 1.2 CUDA", "NVIDIA CUDA"),
+        handle("pthread", CPU, "OpenCL 3.0 PoCL 1.8"),
+    )
+    assert [device.name for device in found] == ["pthread", "Xeon", "GPU", "llvmpipe", "weak GPU"]
+
+
+def test_a_device_that_compiles_nothing_is_taken_last(machine: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = machine(
+        handle("broken", CPU, "OpenCL 3.0 PoCL 9.0"), handle("pthread-EPYC", CPU, "OpenCL 3.0 PoCL 3.1")
+    )
+
+    def register_bits(device: ps.Device) -> int:
+        if device in broken:
+            raise ps.KernelBuildError(f"{device.name} does not compile.")
+        return 256
+
+    monkeypatch.setattr(selection, "register_bits", register_bits)
+    broken = [first]
+    with pytest.warns(UserWarning, match=r"pthread-EPYC.* is used.*broken does not compile"):
+        assert select_device() is second
+    assert select_device(0) is first
+    broken = [first, second]
+    with pytest.raises(ps.KernelBuildError, match="broken does not compile"):
+        select_device()
 
 
 def test_selection_by_kind_index_and_name(machine: Any) -> None:

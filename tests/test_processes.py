@@ -27,7 +27,7 @@ def python(script: str, *arguments: str) -> str:
 FORK = """
 import os, pickle, sys
 import persfs_cl as ps
-from persfs_cl._cl.device import select_device
+from persfs_cl._cl.selection import select_device
 from persfs_cl._cl.program import kernel, program
 
 scene = ps.bump((9, 9))

@@ -22,7 +22,6 @@ INSTALL_HINT = (
     "'apt install pocl-opencl-icd' (CPU, Debian and Ubuntu), or your GPU's driver. "
     "'persfs-cl devices' lists what is found."
 )
-_SELECT = "Give one of these numbers, part of a name, 'cpu' or 'gpu', or leave it out."
 
 _finding = threading.Lock()
 _owner: int | None = None
@@ -195,14 +194,10 @@ def _kind(handle: cl.Device) -> str:
     return "other"
 
 
-def _platform_age(handle: cl.Device) -> tuple[int, ...]:
-    """Negated version numbers, so that of several drivers for one processor the newest sorts first.
-
-    PoCL says "OpenCL 3.0 PoCL 3.1+debian ...": the driver's own version follows the name where there is one.
-    """
-    version = handle.platform.version
-    own = re.search(r"PoCL (\d+)\.(\d+)", version) or re.search(r"(\d+)\.(\d+)", version)
-    return tuple(-int(number) for number in own.groups()) if own else ()
+def _age(handle: cl.Device) -> tuple[int, ...]:
+    """Negated version of PoCL, so that the newest sorts first: "OpenCL 3.0 PoCL 3.1+debian ..." is 3.1."""
+    version = re.search(r"PoCL (\d+)\.(\d+)", handle.platform.version)
+    return tuple(-int(number) for number in version.groups()) if version else ()
 
 
 @functools.cache
@@ -235,8 +230,12 @@ def _all_devices() -> tuple[Device, ...]:
     return tuple(device for _, device in found)
 
 
-def _rank(handle: cl.Device) -> tuple[int, tuple[int, ...]]:
-    return {"cpu": 0, "gpu": 1, "other": 2}[_kind(handle)], _platform_age(handle)
+def _rank(handle: cl.Device) -> tuple[bool, int, int, tuple[int, ...]]:
+    """The order of devices; of equal ones the driver's own is kept."""
+    # Versions of two makers say nothing about each other. PoCL comes with the package, and its tests run on it.
+    is_pocl = "PoCL" in handle.platform.version
+    kind = {"cpu": 0, "gpu": 1, "other": 2}[_kind(handle)]
+    return not handle.double_fp_config, kind, int(not is_pocl), _age(handle) if is_pocl else ()
 
 
 def _name_or_number(platform: cl.Platform, number: int) -> str:
@@ -247,7 +246,9 @@ def _name_or_number(platform: cl.Platform, number: int) -> str:
 
 
 def devices() -> list[Device]:
-    """All OpenCL devices: CPUs first, then GPUs; of several drivers for a processor the newest first.
+    """All OpenCL devices: CPUs first, then GPUs, and those without double precision last.
+
+    Of several drivers for a processor PoCL comes first, and of several versions of PoCL the newest.
 
     From the first call on, a child of this process that is made by a fork cannot use OpenCL: use multiprocessing with
     the start method "spawn".
@@ -265,57 +266,3 @@ def devices() -> list[Device]:
     _claim_process()
     with _finding:  # a cache alone lets two threads make two objects of one device
         return list(_all_devices())
-
-
-def select_device(selector: int | str | Device | None = None) -> Device:
-    """The device that a user means. Never asks.
-
-    Parameters
-    ----------
-    selector : None, "cpu", "gpu", int, str or Device
-        None honours the environment variable PYOPENCL_CTX and else takes the first of :func:`devices`;
-        a number is an index into that list; any other text is part of a device's or platform's name.
-
-    Raises
-    ------
-    DeviceError
-        When there is no device, or none that fits, or in a process that was forked after OpenCL was used.
-    """
-    found = devices()
-    if isinstance(selector, Device):
-        return selector
-    if not found:
-        raise DeviceError(f"No OpenCL device found. {INSTALL_HINT}")
-    if selector is None:
-        return _from_environment(found) if os.environ.get("PYOPENCL_CTX") else found[0]
-    listing = "; ".join(f"{device.index}: {device}" for device in found)
-    if isinstance(selector, (int, np.integer)) and not isinstance(selector, bool):
-        if 0 <= selector < len(found):
-            return found[selector]
-        raise DeviceError(f"device={selector} does not exist. There are: {listing}. {_SELECT}")
-    if isinstance(selector, str) and selector.strip():
-        if selector.strip().isdigit():
-            return select_device(int(selector))
-        wanted = selector.strip().lower()
-        for device in found:
-            by_name = wanted in f"{device.name} {device.platform} {device.platform_version}".lower()
-            if device.kind == wanted or (wanted not in ("cpu", "gpu") and by_name):
-                return device
-        raise DeviceError(f"No OpenCL device fits device={selector!r}. There are: {listing}. {_SELECT}")
-    raise DeviceError(
-        f"device={selector!r} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
-    )
-
-
-def _from_environment(found: list[Device]) -> Device:
-    wanted = os.environ["PYOPENCL_CTX"]
-    try:
-        handle = cl.create_some_context(interactive=False).devices[0]
-    except (cl.Error, RuntimeError, ValueError, IndexError) as error:
-        raise DeviceError(
-            f"PYOPENCL_CTX={wanted!r} names no device ({error}): unset it, or see 'persfs-cl devices'."
-        ) from error
-    for device in found:
-        if device.is_handle(handle):
-            return device
-    raise DeviceError(f"PYOPENCL_CTX={wanted!r} names a device that cannot be used: see 'persfs-cl devices'.")

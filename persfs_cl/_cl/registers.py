@@ -14,7 +14,7 @@ WIDEST = 8
 
 
 def register_bits(device: Device) -> int:
-    """Bits of the vector registers that the device's compiler uses; 0 where it does not say, and on GPUs.
+    """Bits of the vector registers that the device's compiler uses; 0 where it does not say, as on GPUs.
 
     The compiler itself is asked, see kernels/registers.cl: a driver may claim wider registers than its compiler uses.
 
@@ -25,7 +25,7 @@ def register_bits(device: Device) -> int:
     """
     with device.lock:
         if device.register_bits is None:
-            device.register_bits = 0 if device.kind == "gpu" else _asked(device)
+            device.register_bits = _asked(device)
         return device.register_bits
 
 

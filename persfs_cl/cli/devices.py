@@ -11,8 +11,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from persfs_cl._cl.device import Device, select_device
+from persfs_cl._cl.device import Device
 from persfs_cl._cl.device import devices as list_devices
+from persfs_cl._cl.selection import select_device
 from persfs_cl.errors import DeviceError
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from persfs_cl._cl.device import select_device
+from persfs_cl._cl.selection import select_device
 from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.options import DeviceOption
 from persfs_cl.cli.output import check_folder
