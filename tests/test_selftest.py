@@ -19,6 +19,7 @@ import pytest
 from typer.testing import CliRunner
 
 import persfs_cl as ps
+from persfs_cl._cl import device as device_room
 from persfs_cl._cl.launches import Sweeper
 from persfs_cl.cli.app import app
 from persfs_cl.models import Model
@@ -394,6 +395,14 @@ def test_all_devices_unless_one_is_chosen(pretended: Callable[[str], None]) -> N
     assert [entry["index"] for entry in chosen] == [0]
     assert "check" not in chosen[0]
     assert invoked("--check", "--device=abacus").exit_code == 3
+
+
+@pytest.mark.parametrize("more", [(), ("--json",), ("--device=gpu",)])
+def test_no_device_has_nothing_to_test(more: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_room, "_all_devices", lambda: ())
+    result = invoked("--check", *more)
+    assert result.exit_code == 3
+    assert "pip install pocl-binary-distribution" in result.stderr
 
 
 @pytest.mark.parametrize("option", ["--quick", "--fresh", "--time-limit=3", "--case-limit=3"])

@@ -182,7 +182,6 @@ def _progress(device: Device) -> Iterator[Show]:
 
 def _checked(device: Device, report: Report, *, quick: bool, fresh: bool) -> dict[str, Any]:
     """All that is known of a test, for a report of a fault."""
-    kernels = {(result["kernel"], result["precision"]): result for result in report.results if result["kernel"]}
     total, slowest = _compiled(report)
     return {
         "ok": report.ok,
@@ -193,8 +192,8 @@ def _checked(device: Device, report: Report, *, quick: bool, fresh: bool) -> dic
         "circumstances": circumstances(device, shlex.join(["persfs-cl", *sys.argv[1:]])),
         **report.facts,
         "kernels": [
-            {"ordering": result["ordering"], "precision": precision, "kernel": kernel, "reason": result["reason"]}
-            for (kernel, precision), result in kernels.items()
+            {"ordering": ordering, "precisions": precisions, "kernel": kernel, "reason": reason}
+            for (ordering, kernel, reason), precisions in _by_kernel(report).items()
         ],
         "compilation": {"seconds": total, "slowest": slowest, "caches": "none" if fresh else "as they were"},
         "cases": report.results,
@@ -229,8 +228,8 @@ def _print_report(device: Device, report: Report, *, fresh: bool, first: bool) -
     console.print(table)
     console.print("Each with the largest difference from the reference, of the orderings that were tested.")
     _print_measures(console, report)
-    for (kernel, reason), orderings in _by_kernel(report).items():
-        console.print(f"{', '.join(orderings)}: {kernel}. {reason}")
+    for (ordering, kernel, reason), precisions in _by_kernel(report).items():
+        console.print(f"{ordering} in {' and '.join(precisions)}: {kernel}. {reason}")
     total, slowest = _compiled(report)
     if slowest:
         where = ", ".join(slowest[key] for key in ("case", "ordering", "precision") if slowest[key])
@@ -262,15 +261,14 @@ def _print_measures(console: Console, report: Report) -> None:
             console.print(f"{what}: {result['rate']:.4g} {result['unit']}")
 
 
-def _by_kernel(report: Report) -> dict[tuple[str, str], list[str]]:
-    """The orderings and precisions that each kernel is taken for, and why."""
-    found: dict[tuple[str, str], list[str]] = {}
+def _by_kernel(report: Report) -> dict[tuple[str, str, str], list[str]]:
+    """The precisions that each kernel is taken for, by ordering, kernel and reason."""
+    found: dict[tuple[str, str, str], list[str]] = {}
     for result in report.results:
         if result["kernel"]:
-            named = found.setdefault((result["kernel"], result["reason"]), [])
-            name = f"{result['ordering']} in {result['precision']}"
-            if name not in named:
-                named.append(name)
+            precisions = found.setdefault((result["ordering"], result["kernel"], result["reason"]), [])
+            if result["precision"] not in precisions:
+                precisions.append(result["precision"])
     return found
 
 

@@ -136,9 +136,7 @@ class Checks:
             if case.scheme == "lax-friedrichs":
                 outcome.compare("values in the limit", _apart(values, self._limit(case)), tolerance)
             else:
-                outcome.compare(
-                    "values in the limit and those that their neighbours allow", _unsettled(problem, values), tolerance
-                )
+                self._compare_upwind_limit(case, outcome, problem, values)
         self._compare_bits(case, outcome, np.concatenate(changes), sweeper.log_depth()[0])
 
     def _shared_image(self, case: Case, outcome: Outcome) -> None:
@@ -147,11 +145,13 @@ class Checks:
         sweeper = self._sweeper(case, problem, outcome)
         changes = self._first_runs(sweeper, outcome)
         values = sweeper.log_depth()[0]
-        expected = self._iterated(case, _LARGE_STEPS)
-        # Rounded as the start values are, which in a large image are in the thousands.
-        rounding = 4.0 * float(np.finfo(case.precision).eps) * float(problem.start.max())
-        tolerance = max(TOLERANCES[case.precision], rounding)
-        outcome.compare(f"values after {_LARGE_STEPS} iterations", _apart(values, expected), tolerance)
+        if case.ordering == "checkerboard":
+            # The reference takes its time for the others, of which the one has the bits of the other.
+            expected = self._iterated(case, _LARGE_STEPS)
+            # Rounded as the start values are, which in a large image are in the thousands.
+            rounding = 4.0 * float(np.finfo(case.precision).eps) * float(problem.start.max())
+            tolerance = max(TOLERANCES[case.precision], rounding)
+            outcome.compare(f"values after {_LARGE_STEPS} iterations", _apart(values, expected), tolerance)
         self._compare_bits(case, outcome, changes, values)
 
     def _second_order(self, case: Case, outcome: Outcome) -> None:
@@ -270,6 +270,20 @@ class Checks:
             if not (np.array_equal(changes, serial_changes) and np.array_equal(values, serial_values)):
                 count = np.count_nonzero(values != serial_values)
                 outcome.fail(f"wavefront and lexicographic do not give the same bits: {count} values differ")
+
+    def _compare_upwind_limit(
+        self, case: Case, outcome: Outcome, problem: Problem, values: NDArray[np.floating]
+    ) -> None:
+        """With what the scheme makes of each value's neighbours, or with a limit that was found to be right so."""
+        key = replace(case, ordering="")
+        tolerance = TOLERANCES[case.precision]
+        if key in self._references:
+            outcome.compare("values in the limit", _apart(values, self._references[key]), tolerance)
+            return
+        apart = _unsettled(problem, values)
+        outcome.compare("values in the limit and those that their neighbours allow", apart, tolerance)
+        if apart <= tolerance:
+            self._references[key] = values.astype(np.float64)
 
     def _iterated(self, case: Case, count: int) -> NDArray[np.float64]:
         """Values of the reference after so many iterations in the order of the case."""
