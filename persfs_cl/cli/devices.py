@@ -247,9 +247,9 @@ def _cell(results: Sequence[Mapping[str, Any]], precision: str) -> str:
     if not found:
         return ""
     worst = min((result["status"] for result in found), key=_WORST_FIRST.index)
-    if worst == "failed":
-        orderings = [result["ordering"] for result in found if result["status"] == "failed" and result["ordering"]]
-        return f"FAILED {', '.join(orderings)}".rstrip()
+    if worst in ("failed", "skipped"):
+        orderings = [result["ordering"] for result in found if result["status"] == worst and result["ordering"]]
+        return f"{'FAILED' if worst == 'failed' else worst} {', '.join(orderings)}".rstrip()
     differences = [result["difference"] for result in found if result["difference"] is not None]
     return f"{worst}, {max(differences):.0e}" if differences else worst
 
