@@ -6,6 +6,7 @@ Whatever the driver prints goes to standard error: the lines have the pipe that 
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import json
 import math
 import os
@@ -24,6 +25,8 @@ from persfs_cl.selftest.checks import Checks
 def _main() -> None:
     lines = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
+    # A crash says where it was.
+    faulthandler.enable()
     # What compilers grumble is shown with a failure, and is none.
     warnings.simplefilter("ignore")
     parser = argparse.ArgumentParser()
