@@ -23,7 +23,7 @@ Show = Callable[[str], None]
 
 _MOST_CRASHES = 10
 """Children that are started again after one that died; by then enough is known."""
-_LAST_LINES, _LAST_CHARACTERS = 15, 4000
+_LAST_LINES, _LAST_CHARACTERS = 40, 6000
 _COUNTED = ("difference", "tolerance", "seconds", "compile_seconds", "kernel", "reason", "rate", "unit", "message")
 
 
