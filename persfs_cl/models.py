@@ -170,7 +170,7 @@ class Model:
             numbers = [*common, self.light.p0, self.light.q0, 1.0 / self.light.norm]
             if isinstance(self.reflectance, Lambertian):
                 return numbers
-            return [*numbers, self._survey(grid)[0], *_material_numbers(self.reflectance)]
+            return [*numbers, self.steepness(grid), *_material_numbers(self.reflectance)]
         material = _material_numbers(self.reflectance)
         if not self.light.falloff:
             return [*common, self.light.gain, *material]
@@ -182,6 +182,12 @@ class Model:
         """Cosine of the angle between the rays and a parallel light, shape (height, width)."""
         p0, q0, norm = self.light.p0, self.light.q0, self.light.norm  # type: ignore[union-attr] # it is parallel
         return np.asarray((1.0 + grid.x * p0 + grid.y * q0) / (norm * np.sqrt(1.0 + grid.x**2 + grid.y**2)))
+
+    def steepness(self, grid: PixelGrid) -> float:
+        """How steeply the brightness falls at most over the normals, under a parallel light; 0 where no scheme asks."""
+        if isinstance(self.light, FlashLight) or isinstance(self.reflectance, Lambertian):
+            return 0.0
+        return self._survey(grid)[0]
 
     def _survey(self, grid: PixelGrid) -> tuple[float, float]:
         """What :func:`_survey` finds, over all rays of an image."""

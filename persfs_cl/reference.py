@@ -263,6 +263,106 @@ class FlashEquation(Equation):
 
 
 @dataclass(frozen=True)
+class MaterialEquation(Equation):
+    """H(P) = E - R(P) under a parallel light, for any material.
+
+    Attributes
+    ----------
+    light : ParallelLight
+    reflectance : Reflectance
+    steepness : float
+        Of the brightness, see :meth:`persfs_cl.models.Model.steepness`.
+    steepest : float
+        The least slope is no more than this.
+    """
+
+    light: ParallelLight
+    reflectance: Reflectance
+    steepness: float
+    steepest: float
+
+    @property
+    def pull(self) -> float:
+        """Z plays no part."""
+        return 0.0
+
+    def hamiltonian(self, p: Array, q: Array) -> Array:
+        """See :class:`Equation`."""
+        return self.brightness - reflectance_map(p, q, self.x, self.y, self.light, self.reflectance)
+
+    def gradient(self, p: Array, q: Array) -> Slopes:
+        """Central differences: see :class:`Equation`."""
+        step = 1e-6
+        along_x = self.hamiltonian(p + step, q) - self.hamiltonian(p - step, q)
+        along_y = self.hamiltonian(p, q + step) - self.hamiltonian(p, q - step)
+        return along_x / (2.0 * step), along_y / (2.0 * step)
+
+    def viscosity(self) -> Slopes:
+        """σx = steepness R sqrt(1 + x²) and σy likewise."""
+        scale = self.steepness * np.sqrt(1.0 + self.x**2 + self.y**2)
+        return scale * np.sqrt(1.0 + self.x**2), scale * np.sqrt(1.0 + self.y**2)
+
+    def least_p(self, q: Array) -> Array:
+        """Where a Lambertian surface is brightest."""
+        return self._brightest(q, self.x, self.y, self.light.p0, self.light.q0)
+
+    def least_q(self, p: Array) -> Array:
+        """Where a Lambertian surface is brightest."""
+        return self._brightest(p, self.y, self.x, self.light.q0, self.light.p0)
+
+    def _brightest(self, across: Array, along: Array, beside: Array, light_along: float, light_across: float) -> Array:
+        """The brightest normal of the plane of all those with a slope across is the light's direction projected on it.
+
+        The plane has the axes a = (1, 0, -along) and b = (0, across, -(1 + beside across)); a normal is slope a + b.
+        """
+        down = 1.0 + beside * across
+        aa, ab, bb = 1.0 + along**2, along * down, across**2 + down**2
+        # Towards the light, on the side of the camera: (-p0, -q0, -1).
+        toward_a, toward_b = along - light_along, down - across * light_across
+        weight_a, weight_b = bb * toward_a - ab * toward_b, aa * toward_b - ab * toward_a
+        slope = np.where(weight_b > 0.0, weight_a / np.where(weight_b > 0.0, weight_b, 1.0), np.inf)
+        slope = np.where((weight_b <= 0.0) & (toward_a < 0.0), -np.inf, slope)
+        return np.clip(slope, -self.steepest, self.steepest)
+
+
+@dataclass(frozen=True)
+class HeadlightEquation(Equation):
+    """H(P) = E R S - 1 under a light at the camera without fall-off, with E = cos θ for the brightness.
+
+    Z stands for the log distance ln (z R), so that S is that of the gradient P - (x, y) / R² of ln z.
+    """
+
+    @property
+    def pull(self) -> float:
+        """Z plays no part."""
+        return 0.0
+
+    def hamiltonian(self, p: Array, q: Array) -> Array:
+        """See :class:`Equation`."""
+        square_ray = 1.0 + self.x**2 + self.y**2
+        norm = surface_norm(p - self.x / square_ray, q - self.y / square_ray, self.x, self.y)
+        return np.asarray(self.brightness * np.sqrt(square_ray) * norm - 1.0)
+
+    def gradient(self, p: Array, q: Array) -> Slopes:
+        """That of S², a multiple."""
+        square_ray = 1.0 + self.x**2 + self.y**2
+        return _half_gradient_of_square_norm(p - self.x / square_ray, q - self.y / square_ray, self.x, self.y)
+
+    def viscosity(self) -> Slopes:
+        """σx = E R sqrt(1 + x²) and σy likewise."""
+        scale = self.brightness * np.sqrt(1.0 + self.x**2 + self.y**2)
+        return scale * np.sqrt(1.0 + self.x**2), scale * np.sqrt(1.0 + self.y**2)
+
+    def least_p(self, q: Array) -> Array:
+        """Where S is least."""
+        return -self.x * self.y * q / (1.0 + self.x**2)
+
+    def least_q(self, p: Array) -> Array:
+        """Where S is least."""
+        return -self.x * self.y * p / (1.0 + self.y**2)
+
+
+@dataclass(frozen=True)
 class LampEquation(ParallelEquation):
     """With the lamp beside the camera: at a given depth each pixel has a parallel light of its own, and a brightness.
 
@@ -346,6 +446,8 @@ class Reference:
     sign : float
         +1 for W = Z, -1 for W = -Z.
     max_slope : float
+    steepness : float
+        Of the brightness of materials under a parallel light.
     linear : bool
         Extrapolate the boundary cells linearly, never below `lowest`.
     lowest : float
@@ -361,6 +463,7 @@ class Reference:
     scheme: str = "lax-friedrichs"
     sign: float = 1.0
     max_slope: float = 30.0
+    steepness: float = 0.0
     linear: bool = False
     lowest: float = 0.0
 
@@ -378,6 +481,7 @@ class Reference:
             scheme=problem.scheme,
             sign=problem.sign,
             max_slope=problem.max_slope,
+            steepness=problem.model.steepness(problem.grid),
             linear=linear,
         )
 
@@ -504,7 +608,11 @@ class Reference:
         """The equation at some cells."""
         cells = self.brightness[rows, columns], self.grid.x[columns], self.grid.y[rows, 0]
         if isinstance(self.light, ParallelLight):
-            return ParallelEquation(*cells, self.light, steepest)
+            if isinstance(self.reflectance, Lambertian):
+                return ParallelEquation(*cells, self.light, steepest)
+            return MaterialEquation(*cells, self.light, self.reflectance, self.steepness, steepest)
+        if not self.light.falloff:
+            return HeadlightEquation(*cells)
         if self.scheme == "upwind" and not self.light.coaxial:
             nowhere = np.zeros_like(cells[0])
             return LampEquation(

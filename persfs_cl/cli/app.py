@@ -75,6 +75,17 @@ persfs-cl bench --experiment batch --batch 1,64 --orderings wavefront --device g
 
 Ctrl-C keeps what was measured: the files are written, and the exit status is 130.
 """
+_DEVICES_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl devices
+
+persfs-cl devices --check --json > devices.json
+
+persfs-cl devices --check --quick --device gpu
+
+The second is what a report of a fault should come with. Each device is tested by a process of its own, so that a driver
+that crashes or hangs is reported, as is one that computes something else; the exit status is then 1.
+"""
 _PAPER_EPILOG = """[bold]Examples[/bold]
 
 persfs-cl paper -o result
@@ -148,7 +159,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     compare: _COMPARE_EPILOG,
     paper: _PAPER_EPILOG,
     bench: _BENCH_EPILOG,
-    devices: "",
+    devices: _DEVICES_EPILOG,
     demo: "",
 }
 for _command, _epilog in _COMMANDS.items():

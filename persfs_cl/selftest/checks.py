@@ -1,0 +1,367 @@
+"""The cases on a device, and what the reference says of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl import reference
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.probes import copier, device_seconds
+from persfs_cl._cl.selftest import explain
+from persfs_cl.bench.subjects import described, iterations, smooth_problem
+from persfs_cl.bench.subjects import sweeper as sweeper_that_never_rests
+from persfs_cl.forward import render
+from persfs_cl.light import ParallelLight
+from persfs_cl.problem import Problem
+from persfs_cl.reference import Reference
+from persfs_cl.scenes import bumps
+from persfs_cl.selftest.cases import Case
+from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
+from persfs_cl.surface import log_depth_gradient
+
+_Result = TypeVar("_Result")
+
+TOLERANCES = {"float32": 1e-4, "float64": 1e-10}
+"""Of values from those of the reference, as a share of them or of 1: rounding, with room for every device's."""
+_ENDS = {"float32": 1e-7, "float64": 1e-13}
+"""Changes at which the iteration has reached its limit."""
+_STEPS, _LARGE_STEPS = 4, 2
+"""Iterations after which values are compared: by then all kinds of updates have been done."""
+_ITERATIONS_AT_A_TIME, _MOST_ITERATIONS = 50, 2000
+_SECOND_ORDER_SHARE = 0.6
+"""Of the error at first order, which the correction must undercut."""
+
+_RENDERED = (23, 31)
+_RATE_SIZES = {"cpu": 512, "gpu": 2048, "other": 512}
+_SERIAL_SIZE = 96
+"""The lexicographic ordering has one work-item, which on a GPU is slow."""
+_COPIED = {"cpu": 2**26, "gpu": 2**28, "other": 2**26}
+_LEAST_SECONDS = 0.1
+
+
+@dataclass
+class Outcome:
+    """What came of a case.
+
+    Attributes
+    ----------
+    ok : bool
+    difference, tolerance : float or None
+        The largest difference from the reference, and how large it may be.
+    compile_seconds : float
+        Until the kernels had run for the first time, less what another such run takes.
+    kernel, reason : str
+        Which kernel swept, in words, and why that one.
+    rate : float or None
+    unit : str
+        Of a measurement: Mc/s, million cell updates a second, or GB/s, read and written.
+    message : str
+        What is wrong, or what was not compared.
+    """
+
+    ok: bool = True
+    difference: float | None = None
+    tolerance: float | None = None
+    compile_seconds: float = 0.0
+    kernel: str = ""
+    reason: str = ""
+    rate: float | None = None
+    unit: str = ""
+    message: str = ""
+
+    def compare(self, what: str, difference: float, tolerance: float) -> None:
+        """Note a difference; written so that NaN is none that may be."""
+        if self.difference is None or not difference <= self.difference:
+            self.difference, self.tolerance = difference, tolerance
+        if not difference <= tolerance:
+            self.fail(f"{what} differ by {difference:.2g}, and may by {tolerance:.0e}")
+
+    def fail(self, message: str) -> None:
+        """Note that something is wrong."""
+        self.ok = False
+        self.message = f"{self.message}; {message}" if self.message else message
+
+
+@dataclass
+class Checks:
+    """The cases of one device, with what several of them need.
+
+    Attributes
+    ----------
+    device : Device
+    compiled : callable
+        Called when the kernels of a case have run for the first time.
+    """
+
+    device: Device
+    compiled: Callable[[], None] = lambda: None
+    _references: dict[object, Any] = field(default_factory=dict)
+    _serial: dict[object, tuple[NDArray[np.float64], NDArray[np.floating]]] = field(default_factory=dict)
+
+    def run(self, case: Case) -> Outcome:
+        """Do one case."""
+        work: Callable[[Case, Outcome], None] = {
+            "sweeps": self._sweeps,
+            "shared image": self._shared_image,
+            "second order": self._second_order,
+            "render": self._render,
+            "rate": self._rate,
+            "copy": self._copy,
+        }[case.kind]
+        outcome = Outcome()
+        work(case, outcome)
+        return outcome
+
+    def _sweeps(self, case: Case, outcome: Outcome) -> None:
+        """Some iterations and, where that can be had in good time, the limit."""
+        problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=SMALL)
+        tolerance = TOLERANCES[case.precision]
+        sweeper = self._sweeper(case, problem, outcome)
+        changes = [self._first_runs(sweeper, outcome), sweeper.run(_STEPS - 2)]
+        if case.scheme == "lax-friedrichs":
+            values = sweeper.log_depth()[0]
+            outcome.compare(
+                f"values after {_STEPS} iterations", _apart(values, self._iterated(case, _STEPS)), tolerance
+            )
+        if case.scheme == "upwind" or _limit_is_near(case):
+            changes += self._to_the_limit(sweeper, case)
+            values = sweeper.log_depth()[0]
+            if case.scheme == "lax-friedrichs":
+                outcome.compare("values in the limit", _apart(values, self._limit(case)), tolerance)
+            else:
+                self._compare_upwind_limit(case, outcome, problem, values)
+        self._compare_bits(case, outcome, np.concatenate(changes), sweeper.log_depth()[0])
+
+    def _shared_image(self, case: Case, outcome: Outcome) -> None:
+        """An image that several work-groups share."""
+        problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=LARGE)
+        sweeper = self._sweeper(case, problem, outcome)
+        changes = self._first_runs(sweeper, outcome)
+        values = sweeper.log_depth()[0]
+        if case.ordering == "checkerboard":
+            # The reference takes its time for the others, of which the one has the bits of the other.
+            expected = self._iterated(case, _LARGE_STEPS)
+            # Rounded as the start values are, which in a large image are in the thousands.
+            rounding = 4.0 * float(np.finfo(case.precision).eps) * float(problem.start.max())
+            tolerance = max(TOLERANCES[case.precision], rounding)
+            outcome.compare(f"values after {_LARGE_STEPS} iterations", _apart(values, expected), tolerance)
+        self._compare_bits(case, outcome, changes, values)
+
+    def _second_order(self, case: Case, outcome: Outcome) -> None:
+        """From the limit of first order to that of second, which must lie nearer to the true surface."""
+        scene, problem = smooth(case.light_source, case.reflectance)
+        truth, errors, start = np.log(scene.depth), [], problem
+        for second_order in (False, True):
+            sweeper = self._sweeper(case, start, outcome, second_order=second_order)
+            changes = [self._first_runs(sweeper, outcome)]
+            changes += self._to_the_limit(sweeper, case, most=4 * _ITERATIONS_AT_A_TIME)
+            values = sweeper.log_depth()[0]
+            reached = values.astype(np.float64)
+            start = replace(problem, first=reached.copy())
+            log_depth, _ = problem.depth(reached, converged=True)
+            errors.append(float(np.abs(log_depth - truth)[problem.domain.solved].mean()))
+        outcome.compare("ln z and that of the true surface", errors[1], _SECOND_ORDER_SHARE * errors[0])
+        self._compare_bits(case, outcome, np.concatenate(changes), values)
+
+    def _render(self, case: Case, outcome: Outcome) -> None:
+        """The forward model beside its formula."""
+        scene = bumps(shape=_RENDERED)
+        depth = 0.7 * scene.depth
+        depth[5:9, 11:20] = np.nan
+        p, q = log_depth_gradient(depth, scene.camera)
+        grid = scene.camera.grid(_RENDERED)
+        light, material = case.light_source, case.reflectance
+        expected = reference.brightness(np.log(depth), p, q, grid.x, grid.y, light, material)
+
+        def rendered() -> NDArray[np.float64]:
+            return render(
+                depth, scene.camera, light=light, reflectance=material, device=self.device, precision=case.precision
+            )
+
+        image, seconds = _timed(rendered)
+        self.compiled()
+        _, again = _timed(rendered)
+        outcome.compile_seconds = max(0.0, seconds - again)
+        if (np.isnan(image) != np.isnan(expected)).any():
+            outcome.fail("pixels are rendered that show no surface, or are not that do")
+        outcome.compare("brightnesses", _apart(image, expected), TOLERANCES[case.precision])
+
+    def _rate(self, case: Case, outcome: Outcome) -> None:
+        """Cell updates a second, over whole iterations."""
+        serial = case.ordering == "lexicographic"
+        problem = smooth_problem(_SERIAL_SIZE if serial else _RATE_SIZES[self.device.kind])
+
+        def built() -> Sweeper:
+            return sweeper_that_never_rests(self.device, problem, case.ordering, case.precision)
+
+        sweeper, seconds = _timed(built)
+        self._describe(sweeper, outcome)
+        outcome.compile_seconds = seconds
+        self._first_runs(sweeper, outcome)
+        subject = iterations(case.ordering, sweeper, problem)
+        outcome.rate, outcome.unit = 1e-6 * subject.cells / _seconds_each(subject.work, subject.step), "Mc/s"
+
+    def _copy(self, _case: Case, outcome: Outcome) -> None:
+        """Bytes read and written a second by a copy within the device's memory."""
+        size = min(_COPIED[self.device.kind], self.device.memory // 1024 * 64)
+        copy = copier(self.device, size)
+
+        def copied(count: int) -> float:
+            return device_seconds(self.device, lambda: copy(count))
+
+        _, seconds = _timed(lambda: copied(1))
+        self.compiled()
+        _, again = _timed(lambda: copied(1))
+        outcome.compile_seconds = max(0.0, seconds - again)
+        outcome.rate, outcome.unit = 2e-9 * size / _seconds_each(copied, 1), "GB/s"
+
+    def _sweeper(self, case: Case, problem: Problem, outcome: Outcome, *, second_order: bool = False) -> Sweeper:
+        def built() -> Sweeper:
+            return Sweeper(
+                self.device,
+                [problem.numbers],
+                model=problem.model.kernels_with(problem.scheme),
+                ordering=case.ordering,
+                precision=case.precision,
+                linear=case.boundary == "extrapolate",
+                second_order=second_order,
+            )
+
+        sweeper, seconds = _timed(built)
+        outcome.compile_seconds += seconds
+        self._describe(sweeper, outcome)
+        return sweeper
+
+    def _describe(self, sweeper: Sweeper, outcome: Outcome) -> None:
+        outcome.kernel, outcome.reason = described(sweeper.tuning), explain(self.device, sweeper.tuning)
+
+    def _first_runs(self, sweeper: Sweeper, outcome: Outcome) -> NDArray[np.float64]:
+        """Two iterations. Some drivers compile a kernel when it is launched: the first tells how long that took."""
+        one, seconds = _timed(lambda: sweeper.run(1))
+        self.compiled()
+        other, again = _timed(lambda: sweeper.run(1))
+        outcome.compile_seconds += max(0.0, seconds - again)
+        return np.concatenate([one, other])
+
+    def _to_the_limit(self, sweeper: Sweeper, case: Case, *, most: int = _MOST_ITERATIONS) -> list[NDArray[np.float64]]:
+        changes: list[NDArray[np.float64]] = []
+        while not changes or (
+            changes[-1][-1, 0] > _ENDS[case.precision] and len(changes) * _ITERATIONS_AT_A_TIME < most
+        ):
+            changes.append(sweeper.run(_ITERATIONS_AT_A_TIME))
+        return changes
+
+    def _compare_bits(
+        self, case: Case, outcome: Outcome, changes: NDArray[np.float64], values: NDArray[np.floating]
+    ) -> None:
+        """The wavefront's values and changes with those of the lexicographic case before, where that was done."""
+        key = replace(case, ordering="lexicographic")
+        if case.ordering == "lexicographic":
+            self._serial[key] = (changes, values)
+        elif case.ordering == "wavefront" and key in self._serial:
+            serial_changes, serial_values = self._serial[key]
+            if not (np.array_equal(changes, serial_changes) and np.array_equal(values, serial_values)):
+                count = np.count_nonzero(values != serial_values)
+                outcome.fail(f"wavefront and lexicographic do not give the same bits: {count} values differ")
+
+    def _compare_upwind_limit(
+        self, case: Case, outcome: Outcome, problem: Problem, values: NDArray[np.floating]
+    ) -> None:
+        """With what the scheme makes of each value's neighbours, or with a limit that was found to be right so."""
+        key = replace(case, ordering="")
+        tolerance = TOLERANCES[case.precision]
+        if key in self._references:
+            outcome.compare("values in the limit", _apart(values, self._references[key]), tolerance)
+            return
+        apart = _unsettled(problem, values)
+        outcome.compare("values in the limit and those that their neighbours allow", apart, tolerance)
+        if apart <= tolerance:
+            self._references[key] = values.astype(np.float64)
+
+    def _iterated(self, case: Case, count: int) -> NDArray[np.float64]:
+        """Values of the reference after so many iterations in the order of the case."""
+        coloured = case.ordering == "checkerboard"
+        key = replace(case, ordering="checkerboard" if coloured else "wavefront", precision="float64")
+        if (key, count) not in self._references:
+            judge = _judge(case)
+            for _ in range(count):
+                if not coloured:
+                    judge.iterate()
+                    continue
+                for _ in range(4):
+                    judge.sweep_colour(0)
+                    judge.sweep_colour(1)
+                    judge.renew_boundary()
+            self._references[key, count] = judge.log_depth
+        found: NDArray[np.float64] = self._references[key, count]
+        return found
+
+    def _limit(self, case: Case) -> NDArray[np.float64]:
+        """Values of the reference that no longer change, whatever the order of the cells."""
+        key = replace(case, ordering="", precision="float64")
+        if key not in self._references:
+            judge = _judge(case)
+            before = np.full(judge.log_depth.shape, np.inf)
+            while (before - judge.log_depth).max() > _ENDS["float64"]:
+                before = judge.log_depth.copy()
+                judge.sweep_colour(0)
+                judge.sweep_colour(1)
+            self._references[key] = judge.log_depth
+        found: NDArray[np.float64] = self._references[key]
+        return found
+
+
+def _limit_is_near(case: Case) -> bool:
+    """Whether the limit of the Lax-Friedrichs scheme is one in any order of the cells, and soon reached."""
+    parallel = isinstance(case.light_source, ParallelLight)
+    quickly = case.surface == "toward" and case.material == "Lambertian" if parallel else True
+    return case.boundary == "wall" and quickly
+
+
+def _judge(case: Case) -> Reference:
+    shape = SMALL if case.kind == "sweeps" else LARGE
+    problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=shape)
+    return Reference.of(problem, linear=case.boundary == "extrapolate")
+
+
+def _unsettled(problem: Problem, values: NDArray[np.floating]) -> float:
+    """How far values are from the lowest that the upwind scheme finds for them from their neighbours."""
+    judge = Reference.of(problem)
+    start, judge.log_depth = judge.log_depth, values.astype(np.float64)
+    rows, columns = np.nonzero(problem.domain.solved)
+    sides = [(leftwards, upwards) for upwards in (0, 1) for leftwards in (0, 1)]
+    found = [judge.upwind(rows, columns, *side, both_edges=True) for side in sides]
+    least = np.fmin.reduce([*found, start[rows, columns]])
+    known = _apart(judge.log_depth[problem.domain.known], start[problem.domain.known])
+    return max(known, _apart(judge.log_depth[rows, columns], least))
+
+
+def _apart(values: NDArray[np.floating], expected: NDArray[np.float64]) -> float:
+    """Largest difference, as a share of what is expected where that is above 1; infinite where one of both is NaN."""
+    there = ~(np.isnan(values) & np.isnan(expected))
+    scale = np.maximum(1.0, np.abs(expected[there]))
+    difference = np.abs(values[there].astype(np.float64) - expected[there]) / scale
+    return float(np.where(np.isnan(difference), np.inf, difference).max(initial=0.0))
+
+
+def _timed(work: Callable[[], _Result]) -> tuple[_Result, float]:
+    began = time.perf_counter()
+    result = work()
+    return result, time.perf_counter() - began
+
+
+def _seconds_each(work: Callable[[int], float | None], step: int) -> float:
+    """Seconds of a unit of some work, which is done until it takes long enough to tell."""
+    count = step
+    while True:
+        _, seconds = _timed(lambda count=count: work(count))  # type: ignore[misc] # mypy wants no default here
+        if seconds >= _LEAST_SECONDS:
+            return seconds / count
+        count = max(2 * count, round(min(16.0, 1.2 * _LEAST_SECONDS / max(seconds, 1e-9)) * count / step) * step)

@@ -1,0 +1,63 @@
+"""Small images: noise, on which every branch of the kernels has its turn, and surfaces known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from persfs_cl.camera import Camera
+from persfs_cl.light import FlashLight, Light, ParallelLight
+from persfs_cl.models import Model
+from persfs_cl.problem import Problem, prepare
+from persfs_cl.reflectance import Reflectance
+from persfs_cl.scenes import Scene, bump, hillside
+
+SMALL = (9, 13)
+LARGE = (270, 250)
+"""More than one work-group is given: several share the image."""
+_SMOOTH = 31
+_SEED = 7
+_MAX_SLOPE, _MAX_SLOPE_UPWIND = 30.0, 5.0
+_DARKEST, _BRIGHTEST = 0.35, 0.98
+"""Of what the material returns at most: darker pixels leave some lights no slope at all."""
+
+
+def noise(
+    light: Light, reflectance: Reflectance, scheme: str, surface: str, boundary: str, shape: tuple[int, int] = SMALL
+) -> Problem:
+    """An image of noise with holes in its mask, known depths here and there and, where the boundary wants it, a frame.
+
+    Parameters
+    ----------
+    light, reflectance, scheme, surface, boundary
+        As for :func:`persfs_cl.reconstruct`, none of them "auto".
+    shape : (int, int)
+    """
+    random = np.random.default_rng(_SEED)
+    model, camera = Model.of(light, reflectance), Camera((1.1 * max(shape) + 3.0, 0.9 * max(shape) + 3.0))
+    most = model.brightest(camera.grid(shape))
+    image = random.uniform(_DARKEST, _BRIGHTEST, shape) * (most if np.isfinite(most) else 1.0)
+    mask = random.uniform(size=shape) > 0.1
+    known = np.where(random.uniform(size=shape) > 0.97, random.uniform(0.5, 2.0), np.nan)
+    known[shape[0] // 2, shape[1] // 2] = 1.0
+    if boundary == "fixed":
+        mask[:] = True
+        known[[0, -1]] = known[:, [0, -1]] = 1.0
+    return prepare(image, camera, mask, None, known, model, scheme, surface, boundary, _MAX_SLOPE)
+
+
+def smooth(light: Light, reflectance: Reflectance) -> tuple[Scene, Problem]:
+    """A hill for the upwind scheme, where its correction to second order leaves much less error."""
+    shape = (_SMOOTH, _SMOOTH)
+    model = Model.of(light, reflectance)
+    if model.falls_off:
+        scene = hillside(shape, light=light, reflectance=reflectance, surface="toward")
+        known, surface, slope = None, "away", _MAX_SLOPE
+    else:
+        scene = bump(shape, light=light, reflectance=reflectance, surface="toward", focal_length=2.0 * _SMOOTH)
+        known, surface, slope = scene.known_depth, "toward", _MAX_SLOPE_UPWIND
+    return scene, prepare(scene.image, scene.camera, None, None, known, model, "upwind", surface, "wall", slope)
+
+
+FRONTAL, OBLIQUE = ParallelLight(), ParallelLight(0.3, -0.2)
+FLASH, EVEN = FlashLight(gain=2.0), FlashLight(gain=2.5, falloff=False)
+LAMP = FlashLight(gain=2.0, offset=(0.15, -0.1, -0.1))
