@@ -193,8 +193,9 @@ class Camera:
         The 35 mm equivalent focal length is used where there is one; it is an equivalence of *diagonals*
         (CIPA DCG-001): f = FocalLengthIn35mmFilm · (diagonal in pixels) / 43.27 mm. It is a whole number of
         millimetres, so expect an error of 1 or 2 %. Otherwise
-        f = FocalLength · FocalPlaneXResolution, corrected where the photo was resized since. Pixels are taken
-        as square, so that the camera fits the photo held either way, and the array that `read_image` returns.
+        f = FocalLength · FocalPlaneXResolution · (width in pixels) / ExifImageWidth, which corrects for a photo that
+        was resized since. Pixels are taken as square, so that the camera fits the photo held either way, and the
+        array that `read_image` returns.
 
         Parameters
         ----------
@@ -208,9 +209,17 @@ class Camera:
         Raises
         ------
         CameraError
-            When the EXIF data do not give the focal length, the photo was cropped since, or it is a BigTIFF file.
+            When the EXIF data do not give the focal length, or only without the size that the photo had when it was
+            taken; when they make the sensor narrower than 3 or wider than 60 mm, or the view narrower than 1° or
+            wider than 150°; when the photo was cropped since, or it is a BigTIFF file.
         InputError
             When the file cannot be read.
+
+        Warns
+        -----
+        UserWarning
+            When FocalPlaneXResolution is used and an editor may have resized the photo without mending it: the photo
+            is small, or names an editor. When the two ways differ by more than a tenth.
         """
         return cls(exif_focal_length(path)[0])
 

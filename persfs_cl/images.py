@@ -159,7 +159,8 @@ def read_photo(
 ) -> Photo:
     """A photo from a PNG, JPEG or TIFF file: grey, colour or palette, with or without alpha.
 
-    8-bit and 16-bit integers and floats are read without loss. The EXIF orientation is applied. Colour
+    8-bit and 16-bit integers and floats are read without loss; colours that alpha was multiplied into are divided by
+    it again. The EXIF orientation is applied. Colour
     profiles are not: values are taken as sRGB (or linear) whatever profile the file names. Of the several
     pictures in a phone's multi-picture JPEG, the first is the photo.
 
@@ -182,8 +183,15 @@ def read_photo(
     Raises
     ------
     InputError
-        When the file is missing, a folder, empty, broken, not such an image, animated or of several pages,
-        or holds NaN (see `keep_nan`), infinite or negative values; when `channel` or `encoding` is unknown.
+        When the file is missing, a folder, no regular file, empty, broken, not such an image, a camera raw file,
+        animated or of several pages, or holds NaN (see `keep_nan`), infinite or negative values; when it has more
+        pixels than the environment variable PERSFS_CL_MAX_PIXELS says, which is a share of the memory if it is not
+        set; when `channel` or `encoding` is unknown.
+
+    Warns
+    -----
+    UserWarning
+        When the file is damaged or odd, but was read.
     """
     if channel not in get_args(Channel):
         raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(get_args(Channel))}.")
