@@ -374,7 +374,7 @@ def test_a_picture_larger_than_the_strip_that_holds_it_is_refused(tmp_path: Path
         "webp": imagecodecs.webp_encode,
     }
     for side in (16, 300):
-        strip = encode[compression](np.full((side, side, 3), 100, np.uint8))
+        strip = bytes(encode[compression](np.full((side, side, 3), 100, np.uint8)))
         tifffile.imwrite(
             tmp_path / "a.tif",
             iter([strip]),
