@@ -16,6 +16,7 @@ import os
 import platform
 import re
 import shutil
+import stat
 import tempfile
 import time
 import uuid
@@ -194,16 +195,29 @@ def read_bytes(path: FilePath) -> bytes:
     Raises
     ------
     InputError
-        When the file is missing, a folder, unreadable or empty. Names the path, the reason and the remedy.
+        When the file is missing, a folder, a pipe, a socket, a device, unreadable, empty or larger than the memory.
+        Names the path, the reason and the remedy.
     """
+    place = as_path(path)
     try:
-        data = as_path(path).read_bytes()
+        # Asked before it is opened: opening a pipe waits for a writer, and a device may have no end.
+        mode = place.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InputError(f"{path} is a folder: name a file in it.")
+        if not stat.S_ISREG(mode):
+            raise InputError(f"{path} is {_kind(mode)}, not a regular file: save its content as a file, and give that.")
+        data = place.read_bytes()
     except FileNotFoundError as error:
         raise InputError(f"{path} does not exist: check the spelling and the folder.") from error
-    except IsADirectoryError as error:
-        raise InputError(f"{path} is a folder: name a file in it.") from error
     except OSError as error:
         raise InputError(f"{path} cannot be read: {_explained(error, 'Check the path.')}") from error
+    except MemoryError as error:
+        raise InputError(f"{path} is larger than the memory: give a smaller file.") from error
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        # A zero byte, or a character that no file name has.
+        raise InputError(f"{path!r} is no path ({error}): give another.") from error
     if not data:
         raise InputError(f"{path} is empty (0 bytes): copy or save it again.")
     return data
@@ -287,6 +301,11 @@ def _machine() -> str:
     except OSError:  # not Linux
         text = platform.node()
     return uuid.uuid5(uuid.NAMESPACE_OID, text).hex[:8]
+
+
+def _kind(mode: int) -> str:
+    kinds = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+    return kinds.get(stat.S_IFMT(mode), "something else")
 
 
 def _move(files: list[Path], folder: Path) -> None:

@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 import io
+import math
+import struct
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.decoding import decoding
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
 from persfs_cl.grey import decode_srgb, encode_srgb
+from persfs_cl.limits import require_pixels
+from persfs_cl.raw import refuse_raw
+from persfs_cl.tiff import (
+    BITS_PER_SAMPLE,
+    IMAGE_DEPTH,
+    IMAGE_LENGTH,
+    IMAGE_WIDTH,
+    SAMPLES_PER_PIXEL,
+    SIGNATURES,
+    TILE_DEPTH,
+    TILE_LENGTH,
+    TILE_WIDTH,
+    Directory,
+    read_directories,
+)
 
 if TYPE_CHECKING:
     import PIL.Image
+    import tifffile
 
 Array = NDArray[np.float64]
 Channel = Literal["luminance", "red", "green", "blue", "mean", "max"]
@@ -32,9 +49,15 @@ _WEIGHTS: dict[str, tuple[float, float, float]] = {
     "blue": (0.0, 0.0, 1.0),
     "mean": (1 / 3, 1 / 3, 1 / 3),
 }
-_TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_JPEG_SIGNATURE = b"\xff\xd8\xff"
 _TIFF_SUFFIXES = (".tif", ".tiff")
 _EXIF_ORIENTATION = 274
+_JPEG_BLOCK = 16
+# Of the compressions that say their own size, those whose header is looked at: JPEG, JPEG 2000, PNG and WebP.
+_LOOKED_INTO = (6, 7, 33003, 33004, 33005, 33007, 34712, 34892, 34933, 50001)
+_TURNED = {2: "mirrored", 3: "turned by 180°", 4: "flipped", 5: "transposed", 6: "turned", 7: "transposed", 8: "turned"}
+_ON_A_SIDE = (5, 6, 7, 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +86,8 @@ class Photo:
         The same, but the smallest of all colours.
     white : float or None
         The largest number that a file of this type can hold, where sensors saturate; None for floats.
+    orientation : int
+        How EXIF turned the photo: 1 not at all, 2 to 8 as EXIF numbers them. The arrays are upright already.
     """
 
     image: Array
@@ -75,6 +100,7 @@ class Photo:
     largest_sample: NDArray[Any]
     smallest_sample: NDArray[Any]
     white: float | None
+    orientation: int = 1
 
     def linear(self, samples: ArrayLike) -> Array:
         """Linear light, on the scale of `image`, of numbers as the file holds them: grey levels of an 8-bit photo."""
@@ -88,6 +114,7 @@ class _Raster:
 
     samples: NDArray[Any]
     bits: int
+    orientation: int
 
     @property
     def white(self) -> float:
@@ -132,7 +159,8 @@ def read_photo(
 ) -> Photo:
     """A photo from a PNG, JPEG or TIFF file: grey, colour or palette, with or without alpha.
 
-    8-bit and 16-bit integers and floats are read without loss. The EXIF orientation is applied. Colour
+    8-bit and 16-bit integers and floats are read without loss; colours that alpha was multiplied into are divided by
+    it again. The EXIF orientation is applied. Colour
     profiles are not: values are taken as sRGB (or linear) whatever profile the file names. Of the several
     pictures in a phone's multi-picture JPEG, the first is the photo.
 
@@ -155,8 +183,15 @@ def read_photo(
     Raises
     ------
     InputError
-        When the file is missing, a folder, empty, broken, not such an image, animated or of several pages,
-        or holds NaN (see `keep_nan`), infinite or negative values; when `channel` or `encoding` is unknown.
+        When the file is missing, a folder, no regular file, empty, broken, not such an image, a camera raw file,
+        animated or of several pages, or holds NaN (see `keep_nan`), infinite or negative values; when it has more
+        pixels than the environment variable PERSFS_CL_MAX_PIXELS says, which is a share of the memory if it is not
+        set; when `channel` or `encoding` is unknown.
+
+    Warns
+    -----
+    UserWarning
+        When the file is damaged or odd, but was read.
     """
     if channel not in get_args(Channel):
         raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(get_args(Channel))}.")
@@ -205,11 +240,17 @@ def read_photo(
         largest_sample=largest,
         smallest_sample=smallest,
         white=None if floating else raster.white,
+        orientation=raster.orientation,
     )
 
 
 def read_light(
-    path: FilePath, shape: tuple[int, int], *, channel: Channel = "luminance", encoding: Encoding = "auto"
+    path: FilePath,
+    shape: tuple[int, int],
+    *,
+    channel: Channel = "luminance",
+    encoding: Encoding = "auto",
+    orientation: int = 1,
 ) -> Array:
     """A map of linear light that goes with a photo: ambient light, or the vignetting of the lens.
 
@@ -221,6 +262,8 @@ def read_light(
         (height, width) that the map must have.
     channel, encoding
         As for `read_photo`, for images.
+    orientation : int
+        `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
 
     Returns
     -------
@@ -231,20 +274,27 @@ def read_light(
     ------
     InputError
         When the file cannot be read, or is of another shape or of another type.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
     """
     path = as_path(path)
+    own = 1
     if path.suffix.lower() == ".npy":
         stored = _read_npy(path)
         if stored.dtype.kind not in "iuf":
             raise InputError(f"{path} holds {stored.dtype}, not numbers: save linear light as floats.")
         light = stored.astype(np.float64)
     else:
-        light = read_photo(path, channel=channel, encoding=encoding, keep_nan=True).image
-    _require_shape(path, light, shape)
+        photo = read_photo(path, channel=channel, encoding=encoding, keep_nan=True)
+        light, own = photo.image, photo.orientation
+    _require_shape(path, light, shape, orientation, own=own)
     return light
 
 
-def read_mask(path: FilePath, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def read_mask(path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -> NDArray[np.bool_]:
     """A mask from an image file or a NumPy file.
 
     Parameters
@@ -254,6 +304,8 @@ def read_mask(path: FilePath, shape: tuple[int, int]) -> NDArray[np.bool_]:
         any, is too. Or a `.npy` file of bool.
     shape : (int, int)
         (height, width) that the mask must have.
+    orientation : int
+        `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
 
     Returns
     -------
@@ -264,8 +316,14 @@ def read_mask(path: FilePath, shape: tuple[int, int]) -> NDArray[np.bool_]:
     InputError
         When the file cannot be read, is of another shape or of another type, or is an image whose brightest
         sample is above 0 but not above half of the range.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
     """
     path = as_path(path)
+    own = 1
     if path.suffix.lower() == ".npy":
         mask = _read_npy(path)
         if mask.dtype != np.bool_:
@@ -282,11 +340,12 @@ def read_mask(path: FilePath, shape: tuple[int, int]) -> NDArray[np.bool_]:
         mask = np.any(raster.colours > raster.white / 2, axis=2)
         if raster.opaque is not None:
             mask &= raster.opaque
-    _require_shape(path, mask, shape)
+        own = raster.orientation
+    _require_shape(path, mask, shape, orientation, own=own)
     return mask
 
 
-def read_depth(path: FilePath, shape: tuple[int, int] | None = None) -> Array:
+def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientation: int = 1) -> Array:
     """A depth map from a NumPy or TIFF file.
 
     Parameters
@@ -295,6 +354,8 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None) -> Array:
         `.npy`, `.tif` or `.tiff`, of floats or integers.
     shape : (int, int), optional
         (height, width) that the depth must have.
+    orientation : int
+        `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
 
     Returns
     -------
@@ -306,13 +367,20 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None) -> Array:
     InputError
         When the file cannot be read, is no single depth map of numbers, has another shape or suffix, or
         holds values that are infinite or not above 0.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
     """
     path = as_path(path)
+    own = 1
     suffix = path.suffix.lower()
     if suffix == ".npy":
         stored = _read_npy(path)
     elif suffix in _TIFF_SUFFIXES:
-        stored = _read_raster(path).samples
+        raster = _read_raster(path)
+        stored, own = raster.samples, raster.orientation
         stored = stored[..., 0] if stored.shape[2] == 1 else stored
     else:
         raise InputError(f"{path} is not a depth map by its name: give a .npy, .tif or .tiff file.")
@@ -321,8 +389,9 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None) -> Array:
     if stored.ndim != 2 or stored.size == 0:
         raise InputError(f"{path} has shape {stored.shape}: a depth map is (height, width).")
     if shape is not None:
-        _require_shape(path, stored, shape)
-    depth = stored.astype(np.float64)
+        _require_shape(path, stored, shape, orientation, own=own)
+    with np.errstate(over="ignore"):  # what float64 cannot hold is refused as infinite
+        depth = stored.astype(np.float64)
     if stored.dtype.kind != "f":
         depth[stored == 0] = np.nan
     bad = np.isinf(depth) | (depth <= 0)
@@ -424,46 +493,48 @@ def write_grey(
 
 def _read_raster(path: Path) -> _Raster:
     data = read_bytes(path)
-    with _decoding(path):
+    with decoding(path):
         samples, bits, orientation = (
-            _decode_tiff(path, data) if data.startswith(_TIFF_SIGNATURES) else _decode_png_or_jpeg(path, data)
+            _decode_tiff(path, data) if data.startswith(SIGNATURES) else _decode_png_or_jpeg(path, data)
         )
         if samples.ndim == 2:
             samples = samples[..., None]
         if samples.ndim != 3 or samples.size == 0 or samples.shape[2] > 4:
             raise InputError(f"{path} holds an array of shape {samples.shape}: save one grey or RGB image.")
-        return _Raster(_upright(samples, orientation), bits)
+        return _Raster(_upright(samples, orientation), bits, orientation)
 
 
 def open_png_or_jpeg(path: FilePath, data: bytes) -> PIL.Image.Image:
-    """The file as Pillow opens it, its pixels not yet decoded; InputError when they are too many.
+    """The file as Pillow opens it, its pixels not yet decoded.
 
     Pillow's own errors are let through.
-    """
-    from PIL import Image
 
-    with warnings.catch_warnings():
-        # Pillow warns from half its limit on, but photographs of 100 million pixels are not rare.
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-        try:
-            return Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
-        except Image.DecompressionBombError as error:
-            raise _too_large(path, "more than 178 million pixels are not read") from error
+    Raises
+    ------
+    InputError
+        When it is neither, or has too many pixels.
+    """
+    from PIL import JpegImagePlugin, PngImagePlugin
+
+    # Not by PIL.Image.open, whose own limit on pixels, warned of and then enforced, is the same on every machine.
+    if data.startswith(_PNG_SIGNATURE):
+        photo: PIL.Image.Image = PngImagePlugin.PngImageFile(io.BytesIO(data))
+    elif data.startswith(_JPEG_SIGNATURE):
+        photo = JpegImagePlugin.jpeg_factory(io.BytesIO(data))
+    else:
+        refuse_raw(path, data)
+        raise InputError(f"{path} is not a PNG, JPEG or TIFF image: convert it to one of these.")
+    require_pixels(path, (photo.height, photo.width))
+    return photo
 
 
 def _decode_png_or_jpeg(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
-    from PIL import UnidentifiedImageError
-
-    try:
-        photo = open_png_or_jpeg(path, data)
-    except UnidentifiedImageError as error:
-        raise InputError(f"{path} is not a PNG, JPEG or TIFF image: convert it to one of these.") from error
-    with photo:
+    with open_png_or_jpeg(path, data) as photo:
         # A multi-picture JPEG holds the photo first, then its preview or gain map.
         pictures = 1 if photo.format == "MPO" else getattr(photo, "n_frames", 1)
         if pictures != 1:
             raise InputError(f"{path} is an animation of {pictures} pictures: save the one you want alone.")
-        orientation = int(photo.getexif().get(_EXIF_ORIENTATION, 1))
+        orientation = _orientation(photo.getexif().get(_EXIF_ORIENTATION))
         # The bit depth has this place in every PNG. Pillow would drop the lower half of 16-bit colours.
         if photo.format == "PNG" and data[24] == 16:
             import imagecodecs
@@ -483,6 +554,10 @@ def _decode_png_or_jpeg(path: Path, data: bytes) -> tuple[NDArray[Any], int, int
 def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
     import tifffile
 
+    directories = read_directories(path, data)
+    refuse_raw(path, data, directories)
+    for directory in directories:
+        _require_tiff_pixels(path, directory)
     with tifffile.TiffFile(io.BytesIO(data)) as tiff:
         pages = [page for page in tiff.pages if isinstance(page, tifffile.TiffPage) and not page.is_reduced]
         if not pages:
@@ -490,6 +565,7 @@ def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
         if len(pages) != 1:
             raise InputError(f"{path} has {len(pages)} pages: save the one you want alone.")
         page = pages[0]
+        _require_whole(path, page, data)
         samples = page.asarray()
     bits = page.bitspersample
     model = tifffile.PHOTOMETRIC(page.photometric)
@@ -502,7 +578,12 @@ def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
     if model == tifffile.PHOTOMETRIC.PALETTE and page.colormap is not None:
         # The colours are bytes, kept in the upper half of 16 bits.
         samples, bits = np.moveaxis(page.colormap[:, samples] >> 8, 0, -1), 8
-    elif model == tifffile.PHOTOMETRIC.MINISWHITE and samples.dtype.kind == "u":
+    elif model == tifffile.PHOTOMETRIC.MINISWHITE:
+        if samples.dtype.kind != "u":
+            raise InputError(
+                f"{path} holds samples of type {samples.dtype} of which 0 is white, and none is said to be black: save "
+                "it with 0 as black (MINISBLACK)."
+            )
         samples = 2**bits - 1 - samples
     elif model == tifffile.PHOTOMETRIC.YCBCR and page.compression == tifffile.COMPRESSION.JPEG:
         pass  # decoded to RGB already
@@ -510,9 +591,108 @@ def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
         raise InputError(f"{path} has the colour model {model.name}: save it as grey or RGB.")
     if samples.ndim == 3:
         extra = [tifffile.EXTRASAMPLE(kind) for kind in page.extrasamples]
-        alpha = extra[:1] in ([tifffile.EXTRASAMPLE.ASSOCALPHA], [tifffile.EXTRASAMPLE.UNASSALPHA])
+        associated = extra[:1] == [tifffile.EXTRASAMPLE.ASSOCALPHA]
+        alpha = associated or extra[:1] == [tifffile.EXTRASAMPLE.UNASSALPHA]
         samples = samples[..., : samples.shape[2] - len(extra) + alpha]
-    return samples, bits, int(page.tags.valueof(_EXIF_ORIENTATION, 1))
+        if associated and samples.dtype.kind in "uf":
+            samples = _unmultiplied(samples, bits)
+    return samples, bits, _orientation(page.tags.valueof(_EXIF_ORIENTATION))
+
+
+def _require_tiff_pixels(path: Path, directory: Directory) -> None:
+    """Refuse a page for what its decoder would make room for: whole tiles, and all samples of a pixel."""
+    shape = []
+    for whole, part in ((IMAGE_DEPTH, TILE_DEPTH), (IMAGE_LENGTH, TILE_LENGTH), (IMAGE_WIDTH, TILE_WIDTH)):
+        size, tile = directory.number(whole, 1), directory.number(part, 1)
+        shape.append(-(-size // tile) * tile if tile > 0 else size)
+    # Four samples of up to 16 bits are a pixel; floats of 32 bits take the room of two such samples.
+    samples = directory.number(SAMPLES_PER_PIXEL, 1) * max(1, directory.number(BITS_PER_SAMPLE, 8) // 16)
+    require_pixels(path, tuple(shape if shape[0] > 1 else shape[1:]), weight=max(1, -(-samples // 4)))
+
+
+def _require_whole(path: Path, page: tifffile.TiffPage, data: bytes) -> None:
+    """Refuse strips and tiles that are missing, or that unpack to more than their page says."""
+    import tifffile
+
+    parts = math.prod(page.chunked)
+    present = sum(1 for place, size in zip(page.dataoffsets, page.databytecounts, strict=False) if place and size)
+    if present < parts:
+        kind = "tiles" if page.is_tiled else "strips"
+        raise InputError(f"{path} lacks data: of {parts} {kind}, {parts - present} are missing. Save or copy it again.")
+    if page.compression not in tifffile.TIFF.IMAGE_COMPRESSIONS:
+        return  # unpacked to the size that the page says
+    if page.compression not in _LOOKED_INTO:
+        raise InputError(
+            f"{path} has the compression {tifffile.COMPRESSION(page.compression).name}: save it uncompressed, or with "
+            "LZW or Deflate."
+        )
+    height, width = (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, page.imagewidth)
+    for place, size in zip(page.dataoffsets, page.databytecounts, strict=False):
+        rows, columns = _coded_shape(data[place : place + size])
+        # JPEG may fill up its blocks.
+        if rows > height + _JPEG_BLOCK or columns > width + _JPEG_BLOCK:
+            raise InputError(
+                f"{path} is broken: a part of it, {height} × {width} pixels, holds a picture of {rows} × {columns}. "
+                "Save or copy it again."
+            )
+
+
+def _coded_shape(data: bytes) -> tuple[int, int]:
+    """Height and width that a picture inside a TIFF file says of itself; (0, 0) where it says nothing."""
+    from PIL import Jpeg2KImagePlugin, WebPImagePlugin
+
+    if data.startswith(_JPEG_SIGNATURE[:2]):
+        return _jpeg_shape(data)  # Pillow refuses those of 12 and 16 bits
+    if data.startswith(_PNG_SIGNATURE):
+        width, height = struct.unpack_from(">II", data, 16)
+        return height, width
+    codec = WebPImagePlugin.WebPImageFile if data.startswith(b"RIFF") else Jpeg2KImagePlugin.Jpeg2KImageFile
+    with codec(io.BytesIO(data)) as picture:
+        return picture.height, picture.width
+
+
+def _jpeg_shape(data: bytes) -> tuple[int, int]:
+    place = 2
+    while place + 9 <= len(data):
+        marker = data[place + 1]
+        if data[place] != 0xFF or marker == 0xFF:
+            place += 1
+        elif 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):  # a frame of any kind, not tables
+            height, width = struct.unpack_from(">HH", data, place + 5)
+            return height, width
+        else:
+            place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
+    return 0, 0
+
+
+def _unmultiplied(samples: NDArray[Any], bits: int) -> NDArray[Any]:
+    """Samples whose colours were multiplied by alpha, the last channel, without that; black where alpha is 0."""
+    white = 1.0 if samples.dtype.kind == "f" else 2.0**bits - 1
+    alpha = samples[..., -1:].astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        colours = np.divide(samples[..., :-1] * white, alpha, out=np.zeros(samples[..., :-1].shape), where=alpha > 0)
+        if samples.dtype.kind == "u":
+            colours = np.rint(colours.clip(0, white))
+        return np.concatenate([colours.astype(samples.dtype), samples[..., -1:]], axis=-1)
+
+
+def _orientation(value: object) -> int:
+    """EXIF's orientation; 1, upright, for what EXIF does not know, such as the 0 of some cameras."""
+    number = exif_number(value)
+    return int(number) if number in _TURNED else 1
+
+
+def exif_number(value: object) -> float | None:
+    """An EXIF value as a number, whatever type it was written with; None when it is none, or several."""
+    # Bytes are EXIF's BYTE, of which one is a number.
+    values = tuple(value) if isinstance(value, bytes | tuple | list) else (value,)
+    if len(values) != 1 or not isinstance(values[0], SupportsFloat | str):
+        return None
+    try:
+        number = float(values[0])
+    except (TypeError, ValueError, ArithmeticError):  # a fraction over 0 is one of these
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _upright(samples: NDArray[Any], orientation: int) -> NDArray[Any]:
@@ -528,24 +708,23 @@ def _upright(samples: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 def _read_npy(path: Path) -> NDArray[Any]:
     data = read_bytes(path)
-    with _decoding(path):
-        return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-
-
-@contextmanager
-def _decoding(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except InputError:
-        raise
-    except MemoryError as error:
-        raise _too_large(path, "the memory does not suffice") from error
-    except Exception as error:  # whatever a decoder raises at broken data
-        raise InputError(f"{path} is broken or not supported ({error}): save or copy it again.") from error
-
-
-def _too_large(path: FilePath, why: str) -> InputError:
-    return InputError(f"{path} is too large: {why}. Reduce it to some million pixels first.")
+    with decoding(path):
+        file = io.BytesIO(data)
+        version = np.lib.format.read_magic(file)
+        # Versions 2 and 3 differ in the letters of field names only.
+        read_header = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(file)
+        if dtype.hasobject:
+            raise InputError(f"{path} holds Python objects, which are not read: save an array of numbers.")
+        promised, held = math.prod(shape) * dtype.itemsize, len(data) - file.tell()
+        if promised > held or min(shape, default=0) < 0:
+            raise InputError(
+                f"{path} is broken: its header promises shape {shape} of {dtype}, {promised} bytes, and {held} follow. "
+                "Save or copy it again."
+            )
+        require_pixels(path, shape)
+        file.seek(0)
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def _require_brightness(path: Path, raster: _Raster, *, keep_nan: bool = False) -> None:
@@ -564,11 +743,30 @@ def _require_brightness(path: Path, raster: _Raster, *, keep_nan: bool = False) 
         raise InputError(f"{path} holds samples of type {samples.dtype}: save it as floats or unsigned 8 or 16 bits.")
 
 
-def _require_shape(path: Path, array: NDArray[Any], shape: tuple[int, int]) -> None:
+def _require_shape(
+    path: Path, array: NDArray[Any], shape: tuple[int, int], orientation: int = 1, *, own: int = 1
+) -> None:
+    """Refuse another shape than the photo's, and warn of one that fits the photo as it was before EXIF turned it.
+
+    `own` is the orientation that the file itself had.
+    """
+    turned = orientation in _TURNED and own != orientation
+    how = f"EXIF orientation {orientation}: {_TURNED.get(orientation)}"
     if array.shape != tuple(shape):
+        if turned and orientation in _ON_A_SIDE and array.shape == tuple(shape)[::-1]:
+            raise InputError(
+                f"{path} has shape {array.shape}, and fits the photo as it lies in its file; the photo is read upright "
+                f"({how}), with {tuple(shape)} (height, width). Turn {path} in the same way."
+            )
         raise InputError(
             f"{path} has shape {array.shape}, but the image has {tuple(shape)} (height, width): "
             "make them the same size."
+        )
+    if turned and (orientation not in _ON_A_SIDE or shape[0] == shape[1]):
+        warnings.warn(
+            f"The photo is read upright ({how}), and by its shape nobody can tell whether {path} was made for it so: "
+            "make sure that it was, and not without turning the photo.",
+            stacklevel=4,
         )
 
 

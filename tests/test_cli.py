@@ -1221,3 +1221,68 @@ def test_bad_option_of_the_preparation(
     for message in messages:
         assert message in outcome.stderr
     assert names(tmp_path) == before
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.usefixtures("quick")
+def test_a_mask_made_without_turning_the_photo_is_told_of(tmp_path: Path) -> None:
+    samples = np.rint(255 * SCENE.image).astype(np.uint8)
+    turned = Image.Exif()
+    turned[0x0112] = 6
+    Image.fromarray(np.rot90(samples)).save(tmp_path / "phone.png", exif=turned)
+    Image.fromarray(np.full((WIDTH, HEIGHT), 255, np.uint8)).save(tmp_path / "mask.png")
+    for option in ("--mask", "--walls", "--albedo", "--ambient", "--vignetting"):
+        outcome = run(
+            "reconstruct", tmp_path / "phone.png", "-o", tmp_path / "out", *FOCAL, option, tmp_path / "mask.png"
+        )
+        assert outcome.status == 1
+        assert f"mask.png has shape ({WIDTH}, {HEIGHT}), and fits the photo as it lies in its file" in outcome.stderr
+        assert "EXIF orientation 6: turned" in outcome.stderr
+    turned[0x0112] = 3
+    Image.fromarray(samples[::-1, ::-1]).save(tmp_path / "phone.png", exif=turned)
+    Image.fromarray(np.full((HEIGHT, WIDTH), 255, np.uint8)).save(tmp_path / "mask.png")
+    outcome = run(
+        "reconstruct", tmp_path / "phone.png", "-o", tmp_path / "out", *FOCAL, "--mask", tmp_path / "mask.png"
+    )
+    assert outcome.status == 0
+    assert "warning: The photo is read upright (EXIF orientation 3: turned by 180°)" in outcome.stderr
+
+
+def test_what_exif_cannot_mean_names_the_tag_and_the_options_that_help(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[41989] = 65535  # FocalLengthIn35mmFilm
+    Image.fromarray(np.rint(255 * SCENE.image).astype(np.uint8)).save(tmp_path / "photo.jpg", exif=exif)
+    outcome = run("reconstruct", tmp_path / "photo.jpg", "-o", tmp_path / "out")
+    assert outcome.status == 1
+    assert "FocalLengthIn35mmFilm = 65535" in outcome.stderr
+    assert "Give --focal-length, in pixels. Or give --fov" in outcome.stderr
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.usefixtures("quick")
+def test_a_photo_that_an_editor_may_have_resized_is_warned_of_once(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    tags = {37386: 50.0, 41486: 150.0, 41488: 2, 40962: WIDTH, 40963: HEIGHT}
+    exif.get_ifd(0x8769).update(tags)
+    Image.fromarray(np.rint(255 * SCENE.image).astype(np.uint8)).save(tmp_path / "photo.jpg", exif=exif)
+    outcome = run("reconstruct", tmp_path / "photo.jpg", "-o", tmp_path / "out")
+    assert outcome.status == 0
+    assert outcome.stderr.count("persfs-cl: warning: By FocalPlaneXResolution with ExifImageWidth and") == 1
+    assert "is 5.1 mm wide behind a lens of 50 mm, a view of 5.8°" in outcome.stderr
+    assert "or give --focal-length, in pixels." in outcome.stderr
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "render", "compare", "points"])
+def test_pipes_are_refused_at_once(tmp_path: Path, command: str) -> None:
+    write_depth(tmp_path / "depth.npy", SCENE.depth)
+    for name in ("pipe.npy", "pipe.csv", "pipe.json", "pipe.png"):
+        os.mkfifo(tmp_path / name)
+    commands: dict[str, tuple[str | Path, ...]] = {
+        "reconstruct": ("reconstruct", tmp_path / "pipe.png", "-o", tmp_path / "out", *FOCAL),
+        "render": ("render", tmp_path / "pipe.npy", "-o", tmp_path / "a.png", *FOCAL),
+        "compare": ("compare", tmp_path / "depth.npy", tmp_path / "pipe.npy"),
+        "points": ("compare", tmp_path / "depth.npy", tmp_path / "pipe.csv"),
+    }
+    outcome = run(*commands[command])
+    assert outcome.status == 1
+    assert "is a pipe, not a regular file" in outcome.stderr

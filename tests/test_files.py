@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import stat
 import subprocess
 import sys
@@ -156,6 +157,36 @@ def test_read_bytes_says_why_it_cannot(tmp_path: Path) -> None:
         read_bytes(tmp_path / "empty.png")
     with pytest.raises(InputError, match=r"cannot be read: Not a directory"):
         read_bytes(tmp_path / "empty.png" / "a.png")
+
+
+def test_what_is_no_regular_file_is_refused_without_being_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")  # opening it would wait for a writer, for ever
+    with pytest.raises(InputError, match=r"pipe is a pipe, not a regular file: save its content as a file"):
+        read_bytes(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    with pytest.raises(InputError, match="link is a pipe, not a regular file"):
+        read_bytes(tmp_path / "link")
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "s"))
+        with pytest.raises(InputError, match="s is a socket, not a regular file"):
+            read_bytes(tmp_path / "s")
+    with pytest.raises(InputError, match="/dev/zero is a device, not a regular file"):
+        read_bytes("/dev/zero")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(InputError, match="loop cannot be read: Too many levels of symbolic links"):
+        read_bytes(tmp_path / "loop")
+    with pytest.raises(InputError, match=r"is no path \(embedded null"):
+        read_bytes("a\0b")
+
+
+def test_a_file_larger_than_the_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_path: Path) -> bytes:
+        raise MemoryError
+
+    (tmp_path / "a").write_bytes(b"x")
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    with pytest.raises(InputError, match="a is larger than the memory: give a smaller file"):
+        read_bytes(tmp_path / "a")
 
 
 def test_a_write_that_stops_short_without_a_reason_is_taken_for_a_full_disk(tmp_path: Path) -> None:

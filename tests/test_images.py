@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -308,6 +310,216 @@ def test_planar_tiffs_and_tiffs_where_zero_is_white(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_photo(tmp_path / "white.tif").colour[..., 0], 255 - samples[..., 0])
 
 
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64, np.int16])
+def test_floats_of_which_zero_is_white_are_refused(tmp_path: Path, dtype: type) -> None:
+    samples: Samples = np.ones(SHAPE, dtype)
+    tifffile.imwrite(tmp_path / "a.tif", samples, photometric="miniswhite")
+    with pytest.raises(
+        InputError, match=rf"a\.tif holds samples of type {samples.dtype} of which 0 is white.*MINISBLACK"
+    ):
+        read_photo(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_colours_that_alpha_was_multiplied_into_are_divided_by_it_before_they_are_decoded(
+    tmp_path: Path, dtype: type, channels: int
+) -> None:
+    white = 1.0 if dtype == np.float32 else float(np.iinfo(dtype).max)
+    alpha = np.array([[255, 160, 128, 0]]) / 255
+    colour = np.full((1, 4), 188 / 255)
+    stored = np.repeat((colour * alpha)[..., None], channels, axis=2)
+    stored[..., -1] = alpha
+    samples: Samples = (stored * white).astype(dtype) if dtype == np.float32 else np.rint(stored * white).astype(dtype)
+    photometric = "rgb" if channels == 4 else "minisblack"
+    tifffile.imwrite(
+        tmp_path / "a.tif", samples, photometric=photometric, planarconfig="contig", extrasamples=["assocalpha"]
+    )
+    photo = read_photo(tmp_path / "a.tif", encoding="srgb")
+    # Half a level of the file, doubled by the division, is what the file itself does not tell.
+    tolerance = 1e-6 if dtype == np.float32 else 1 / white
+    np.testing.assert_allclose(encode_srgb(photo.image[0, :3]), 188 / 255, atol=tolerance)
+    assert photo.image[0, 3] == 0
+    np.testing.assert_array_equal(photo.mask, [[True, True, True, False]])
+
+
+def test_alpha_that_was_multiplied_in_as_an_editor_writes_it(tmp_path: Path) -> None:
+    samples = np.empty((10, 10, 4), np.uint8)
+    samples[:] = 118, 118, 118, 160
+    tifffile.imwrite(tmp_path / "a.tif", samples, photometric="rgb", extrasamples=["assocalpha"])
+    photo = read_photo(tmp_path / "a.tif")
+    np.testing.assert_array_equal(photo.colour, 188)
+    np.testing.assert_allclose(photo.image, decode_srgb(188 / 255), rtol=1e-12)
+
+
+def test_strips_that_are_missing_are_no_black(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, random_samples(1, 8, (64, 64)), photometric="minisblack", rowsperstrip=16)
+    data = bytearray(path.read_bytes())
+    with tifffile.TiffFile(path) as file:
+        counts = file.pages.first.tags["StripByteCounts"]
+    assert (counts.count, counts.dtype) == (4, tifffile.DATATYPE.SHORT)
+    data[counts.valueoffset : counts.valueoffset + 2] = bytes(2)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.tif lacks data: of 4 strips, 1 are missing\. Save or copy it again"):
+        read_photo(path)
+
+
+@pytest.mark.parametrize("compression", ["jpeg", "jpeg2000", "png", "webp"])
+def test_a_picture_larger_than_the_strip_that_holds_it_is_refused(tmp_path: Path, compression: Any) -> None:
+    encode: dict[str, Callable[..., bytes | bytearray]] = {
+        "jpeg": imagecodecs.jpeg_encode,
+        "jpeg2000": imagecodecs.jpeg2k_encode,
+        "png": imagecodecs.png_encode,
+        "webp": imagecodecs.webp_encode,
+    }
+    for side in (16, 300):
+        strip = bytes(encode[compression](np.full((side, side, 3), 100, np.uint8)))
+        tifffile.imwrite(
+            tmp_path / "a.tif",
+            iter([strip]),
+            shape=(16, 16, 3),
+            dtype=np.uint8,
+            photometric="rgb",
+            compression=compression,
+            rowsperstrip=16,
+        )
+        if side == 16:
+            np.testing.assert_allclose(read_photo(tmp_path / "a.tif").colour.astype(int), 100, atol=3)
+        else:
+            with pytest.raises(
+                InputError, match=r"a\.tif is broken: a part of it, 16 × 16 pixels, holds a picture of 300"
+            ):
+                read_photo(tmp_path / "a.tif")
+
+
+def test_a_compression_that_tells_its_size_to_nobody_is_refused(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", random_samples(3, 8), photometric="rgb", compression="jpegxl")
+    with pytest.raises(InputError, match=r"a\.tif has the compression JPEGXL: save it uncompressed"):
+        read_photo(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("kind", ["tiles", "channels", "doubles"])
+def test_tiff_pixels_are_counted_by_the_room_they_take(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.tif"
+    small: dict[str, tuple[Samples, dict[str, Any]]] = {
+        "tiles": (random_samples(1, 8), {"tile": (64, 64), "photometric": "minisblack"}),
+        "channels": (np.zeros((*SHAPE, 400), np.uint8), {"planarconfig": "contig", "photometric": "minisblack"}),
+        "doubles": (np.zeros((30, 40, 3)), {"photometric": "rgb"}),
+    }
+    samples, options = small[kind]
+    tifffile.imwrite(path, samples, **options)
+    monkeypatch.setenv("PERSFS_CL_MAX_PIXELS", "3000")
+    with pytest.raises(InputError, match=r"a\.tif is too large: .*and the limit here is 3,000\. Reduce it first"):
+        read_photo(path)
+
+
+def test_a_bomb_is_refused_before_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PERSFS_CL_MAX_PIXELS", "1e9")
+    header = struct.pack(">IIBBBBB", 1 << 20, 1 << 20, 8, 0, 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(bytes(100))), (b"IEND", b"")]
+    coded = [
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
+    ]
+    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(coded))
+    tifffile.imwrite(
+        tmp_path / "a.tif",
+        iter([zlib.compress(bytes(100))]),
+        shape=(60000, 60000),
+        dtype=np.uint8,
+        rowsperstrip=60000,
+        compression="zlib",
+        photometric="minisblack",
+    )
+    with (tmp_path / "a.npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(
+            file, {"descr": "<f8", "fortran_order": False, "shape": (1 << 30, 1 << 30)}
+        )
+    for name in ("a.png", "a.tif"):
+        with pytest.raises(InputError, match=rf"{name} is too large: .* million, .*PERSFS_CL_MAX_PIXELS"):
+            read_photo(tmp_path / name)
+    with pytest.raises(InputError, match=r"a\.npy is broken: its header promises shape \(1073741824, 1073741824\)"):
+        read_depth(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
+def test_every_version_of_numpy_files_is_read(tmp_path: Path, version: tuple[int, int]) -> None:
+    with (tmp_path / "a.npy").open("wb") as file:
+        np.lib.format.write_array(file, np.full(SHAPE, 2.5), version=version)
+    np.testing.assert_array_equal(read_depth(tmp_path / "a.npy"), 2.5)
+
+
+def test_damage_that_a_decoder_mends_is_told_of_and_not_printed(tmp_path: Path, capfd: Any) -> None:
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, random_samples(1, 8), photometric="minisblack")
+    with tifffile.TiffFile(path) as file:
+        place = file.pages.first.tags["ResolutionUnit"].offset
+    data = bytearray(path.read_bytes())
+    data[place + 8] = 77
+    path.write_bytes(data)
+    with pytest.warns(
+        UserWarning, match=r"a\.tif was read, but is damaged or odd \(.*77 is not a valid RESUNIT.*look at"
+    ):
+        photo = read_photo(path)
+    np.testing.assert_array_equal(photo.colour[..., 0], random_samples(1, 8))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_orientation_that_is_no_number_leaves_the_photo_as_it_is(tmp_path: Path) -> None:
+    for kind, count, value in (
+        (2, 3, b"6x\0\0"),
+        (11, 1, struct.pack("<f", 6.5)),
+        (3, 0, bytes(4)),
+    ):
+        exif = b"II*\0" + struct.pack("<IHHHI4sI", 8, 1, 0x0112, kind, count, value, 0)
+        Image.fromarray(random_samples(1, 8)).save(tmp_path / "a.png", exif=exif)
+        photo = read_photo(tmp_path / "a.png")
+        assert (photo.image.shape, photo.orientation) == (SHAPE, 1)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.npy", "a.tif"])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_files_made_without_turning_the_photo_are_told_of(tmp_path: Path, name: str, orientation: int) -> None:
+    read: dict[str, Callable[..., Any]] = {"a.png": read_mask, "a.npy": read_light, "a.tif": read_depth}
+    on_a_side = orientation > 4
+
+    def check(unturned: tuple[int, int], shape: tuple[int, int]) -> Any:
+        samples = np.full(unturned, 255, np.uint8)
+        if name == "a.npy":
+            np.save(tmp_path / name, samples)
+        else:
+            save(tmp_path / name, samples)
+        return read[name](tmp_path / name, shape, orientation=orientation)
+
+    if on_a_side:
+        reason = rf"fits the photo as it lies in its file.*EXIF orientation {orientation}: .*\(4, 6\).* Turn .*{name}"
+        with pytest.raises(InputError, match=reason):
+            check((6, 4), (4, 6))
+        check((4, 6), (4, 6))
+    with pytest.raises(InputError, match=r"has shape \(5, 4\), but the image has \(4, 6\)"):
+        check((5, 4), (4, 6))
+    if orientation == 1:
+        check((5, 5), (5, 5))
+        return
+    for shape in [(5, 5)] if on_a_side else [(5, 5), (4, 6)]:
+        with pytest.warns(
+            UserWarning, match=rf"orientation {orientation}: .*nobody can tell whether .*{name} was made"
+        ):
+            check(shape, shape)
+
+
+def test_a_mask_that_is_turned_as_its_photo_is_fits(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    Image.fromarray(random_samples(1, 8)).save(tmp_path / "a.png", exif=exif)
+    photo = read_photo(tmp_path / "a.png")
+    assert photo.orientation == 3
+    mask = read_mask(tmp_path / "a.png", SHAPE, orientation=photo.orientation)
+    np.testing.assert_array_equal(mask, random_samples(1, 8)[::-1, ::-1] > 127)
+
+
 def test_a_jpeg_inside_a_tiff_comes_out_as_rgb(tmp_path: Path) -> None:
     samples = np.full((16, 16, 3), (200, 100, 50), np.uint8)
     tifffile.imwrite(tmp_path / "a.tif", samples, photometric="rgb", compression="jpeg")
@@ -371,6 +583,7 @@ def test_truncated_files_are_refused(tmp_path: Path, read: Callable[[Path], Any]
         read(path)
 
 
+@pytest.mark.filterwarnings("ignore:.*was read, but is damaged or odd:UserWarning")
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "float.tif"])
 def test_damaged_files_are_read_or_refused_and_never_fail_otherwise(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
@@ -442,12 +655,20 @@ def test_other_colour_models_and_formats_are_refused(tmp_path: Path, read: Calla
 def test_photos_beyond_the_limit_of_pixels_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "photo.png"
     Image.fromarray(np.arange(60, dtype=np.uint8).reshape(6, 10)).save(path)
-    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 40)  # Pillow warns from here on, and refuses above the double
+    Image.open(path).save(tmp_path / "photo.jpg")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 20)  # Pillow's own limit, which is the same on every machine
+    monkeypatch.setenv("PERSFS_CL_MAX_PIXELS", "60")
     assert read_photo(path).image.shape == (6, 10)
-    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 20)
+    monkeypatch.setenv("PERSFS_CL_MAX_PIXELS", "59")
+    reason = r"is too large: 6 × 10 pixels are 60, and the limit here is 59\. Reduce it.*PERSFS_CL_MAX_PIXELS"
     for read in (read_photo, Camera.from_exif, lambda path: read_mask(path, (6, 10))):
-        with pytest.raises(InputError, match=r"photo\.png is too large: .* Reduce it"):
+        with pytest.raises(InputError, match=rf"photo\.png {reason}"):
             read(path)
+    save(tmp_path / "photo.tif", random_samples(1, 8, (6, 10)))
+    write_depth(tmp_path / "photo.npy", np.ones((6, 10)))
+    for name, take in (("jpg", read_photo), ("tif", read_photo), ("npy", read_depth)):
+        with pytest.raises(InputError, match=rf"photo\.{name} {reason}"):
+            take(tmp_path / f"photo.{name}")
 
 
 def test_an_array_beyond_the_memory_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -552,7 +773,7 @@ def test_zero_is_unknown_in_a_depth_of_integers(tmp_path: Path, dtype: type) -> 
         (np.ones((2, 3), complex), "holds complex128, not numbers"),
         (np.ones((2, 3, 3)), r"has shape \(2, 3, 3\): a depth map is \(height, width\)"),
         (np.ones((0, 3)), r"has shape \(0, 3\)"),
-        (np.array({"a": 1}), "is broken or not supported"),
+        (np.array({"a": 1}), "holds Python objects, which are not read: save an array of numbers"),
     ],
 )
 def test_arrays_that_are_no_depth_are_refused(tmp_path: Path, depth: Any, reason: str) -> None:
@@ -568,7 +789,11 @@ def test_files_that_are_no_depth_are_refused(tmp_path: Path) -> None:
     (tmp_path / "text.npy").write_text("this is no array")
     np.savez(tmp_path / "many.npz", a=np.ones(3))
     (tmp_path / "many.npz").rename(tmp_path / "many.npy")
-    for name in ("short.npy", "text.npy", "many.npy"):
+    with pytest.raises(
+        InputError, match=r"short\.npy is broken: .* shape \(7, 5\) of float64, 280 bytes, and 272 follow"
+    ):
+        read_depth(tmp_path / "short.npy")
+    for name in ("text.npy", "many.npy"):
         with pytest.raises(InputError, match=f"{name} is broken or not supported"):
             read_depth(tmp_path / name)
     with pytest.raises(InputError, match=r"missing\.npy does not exist"):

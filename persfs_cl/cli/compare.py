@@ -79,18 +79,19 @@ def compare(
     if kind == "auto":
         images = {".png", ".jpg", ".jpeg"} & {first.suffix.lower(), second.suffix.lower()}
         kind = "image" if images else "depth"
-    values = []
+    values, turned = [], 1
     for path in (first, second):
         if kind == "depth":
             values.append(read_depth(path))
         else:
             taken = read_photo(path, encoding=encoding)
+            turned = max(turned, taken.orientation)
             opaque = True if taken.mask is None else taken.mask
             values.append(np.where(opaque, 255.0 * taken.image, np.nan))
     shape = (values[0].shape[0], values[0].shape[1])
     if values[1].shape != shape:
         raise InputError(f"{first} has shape {shape}, but {second} has {values[1].shape}: give two of the same size.")
-    inside = None if mask is None else read_mask(mask, shape)
+    inside = None if mask is None else read_mask(mask, shape, orientation=turned)
     if kind == "depth" and align == "none":
         _hint_at_scale(first)
     try:

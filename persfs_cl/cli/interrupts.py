@@ -52,16 +52,22 @@ def raising() -> Iterator[None]:
         if isinstance(dropped.exc_value, KeyboardInterrupt):
             _Last.time = -float("inf")
             threading.Timer(0.01, _thread.interrupt_main, [_Last.number]).start()
-        else:
+        elif not interrupted:
             usual(dropped)
 
+    interrupted = False
     sys.unraisablehook = again
     _Last.time = -float("inf")
     try:
         with answered(_interrupt):
             yield
+    except KeyboardInterrupt:
+        # To the end of the process: objects that were half made when it came complain when they are taken down.
+        interrupted = True
+        raise
     finally:
-        sys.unraisablehook = usual
+        if not interrupted:
+            sys.unraisablehook = usual
 
 
 @contextmanager

@@ -260,7 +260,10 @@ class CameraOptions:
         if self.fov is not None:
             return Camera.from_fov(self.fov, shape, self.principal_point), "--fov"
         if self.focal_length is None:
-            length, tags = exif_focal_length(path)
+            try:
+                length, tags = exif_focal_length(path)
+            except CameraError as error:
+                raise CameraError(f"{error} Or give --fov, the horizontal field of view in degrees.") from error
             return Camera(length, self.principal_point), f"EXIF {tags}"
         camera = Camera(self.focal_length, self.principal_point)
         view = horizontal_view(camera, shape)

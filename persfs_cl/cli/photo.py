@@ -57,8 +57,8 @@ class Brightness:
     normalise: Normalise | None = None
     white_percentile: float | None = None
 
-    def preparation(self, shape: tuple[int, int]) -> Preparation:
-        """The same with arrays of the photo's shape, read from the files.
+    def preparation(self, shape: tuple[int, int], *, orientation: int = 1) -> Preparation:
+        """The same with arrays of the photo's shape, read from the files; `orientation` is the photo's.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class Brightness:
             When a file cannot be used, or a number is impossible.
         """
         files = {
-            name: read_light(file, shape, channel=self.channel, encoding=self.encoding)
+            name: read_light(file, shape, channel=self.channel, encoding=self.encoding, orientation=orientation)
             for name, file in (("ambient", self.ambient), ("vignetting", self.vignetting))
             if isinstance(file, Path)
         }
@@ -211,11 +211,14 @@ def solve_photo(
     photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding, keep_nan=True)
     shape = (photo.image.shape[0], photo.image.shape[1])
     opaque = np.ones(shape, bool) if photo.mask is None else photo.mask
-    inside = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
-    barriers = np.zeros(shape, bool) if walls is None else read_mask(walls, shape)
-    depths = None if known_depth is None else read_depth(known_depth, shape)
-    shares = None if albedo is None else read_light(albedo, shape, channel=photo.channel, encoding=brightness.encoding)
-    preparation = brightness.preparation(shape)
+    turned = photo.orientation
+    inside = np.ones(shape, bool) if mask is None else read_mask(mask, shape, orientation=turned)
+    barriers = np.zeros(shape, bool) if walls is None else read_mask(walls, shape, orientation=turned)
+    depths = None if known_depth is None else read_depth(known_depth, shape, orientation=turned)
+    shares = None
+    if albedo is not None:
+        shares = read_light(albedo, shape, channel=photo.channel, encoding=brightness.encoding, orientation=turned)
+    preparation = brightness.preparation(shape, orientation=turned)
     pinhole, source = camera.camera_and_source(path, shape)
     wanted = opaque & inside
     light = keywords.get("light", ParallelLight())
