@@ -84,8 +84,7 @@ def _report(tally: _Tally) -> None:
     by_call: dict[str, Counter[str]] = {}
     for verdict, count in tally.verdicts.items():
         call, _, outcome = verdict.partition(": ")
-        # What is odd in an invalid call is told in its failures only.
-        by_call.setdefault(call.partition("(")[0], Counter())[outcome] += count
+        by_call.setdefault(call, Counter())[outcome] += count
     for call, outcomes in sorted(by_call.items()):
         parts = [f"{outcomes.pop('accepted', 0)} accepted"]
         parts += [f"{count} refused by {error}" for error, count in sorted(outcomes.items())]

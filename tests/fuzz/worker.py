@@ -7,11 +7,14 @@ import resource
 import signal
 import tempfile
 import traceback
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 from fuzz.cases import Setting, run
 from fuzz.invariants import Violation
+
+Task = Callable[[str, int, Setting], list[str]]
 
 _OF_FILES = ("image", "exif", "array", "points", "compare")
 _FILE_SECONDS, _CALL_SECONDS = 20.0, 180.0
@@ -20,7 +23,7 @@ _MEMORY = 8 << 30
 """Address space of the process of the cases."""
 
 
-def _work(pipe: Connection) -> None:
+def _work(pipe: Connection, task: Task) -> None:
     """Run the cases that come by the pipe, and send back what became of each."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -30,7 +33,7 @@ def _work(pipe: Connection) -> None:
         while True:
             kind, seed = pipe.recv()
             try:
-                pipe.send((run(kind, seed, setting), None))
+                pipe.send((task(kind, seed, setting), None))
             except Violation as violation:
                 pipe.send(([], violation))
             except Exception as error:  # noqa: BLE001 # one case must not end the others
@@ -39,23 +42,32 @@ def _work(pipe: Connection) -> None:
 
 
 class Worker:
-    """A process that runs cases; another takes its place when it dies or hangs."""
+    """A process that runs cases; another takes its place when it dies or hangs.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    task : callable
+        What a case is; of a module, so that another process finds it.
+    seconds : float, optional
+        What a case may take at most.
+    """
+
+    def __init__(self, task: Task = run, seconds: float | None = None) -> None:
+        self._task, self._seconds = task, seconds
         # A fork would share OpenCL's threads with this process, which have none in it.
         self._context = multiprocessing.get_context("spawn")
         self._start()
 
     def _start(self) -> None:
         self._pipe, theirs = self._context.Pipe()
-        self._process = self._context.Process(target=_work, args=(theirs,), daemon=True)
+        self._process = self._context.Process(target=_work, args=(theirs, self._task), daemon=True)
         self._process.start()
         theirs.close()
         self._pipe.recv()  # it has begun
 
     def run(self, kind: str, seed: int) -> tuple[list[str], Violation | None]:
         """What became of a case."""
-        seconds = _FILE_SECONDS if kind in _OF_FILES else _CALL_SECONDS
+        seconds = self._seconds or (_FILE_SECONDS if kind in _OF_FILES else _CALL_SECONDS)
         self._pipe.send((kind, seed))
         try:
             if self._pipe.poll(seconds):
