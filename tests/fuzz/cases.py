@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -26,6 +27,7 @@ from fuzz.invariants import (
     strict_json,
 )
 from fuzz.mutate import mutated, text_mutated
+from persfs_cl.choices import Ordering
 from persfs_cl.images import Channel, Encoding, read_depth, read_light, read_mask
 from persfs_cl.sparse import at_points, compare_points, read_points
 
@@ -36,9 +38,13 @@ class Setting:
 
     folder: Path
     programs: Sequence[Programs] = ALL
-    largest: int = 70
     brief: bool = False
-    """Leave out what costs more kernels or a second: the checkerboard, and pictures of the result."""
+    """Leave out what costs more kernels or a second: the checkerboard, other sizes, and pictures of the result."""
+
+    @property
+    def largest(self) -> int | None:
+        """See :func:`fuzz.generate_calls.shape`."""
+        return None if self.brief else 70
 
 
 @dataclass
@@ -159,11 +165,11 @@ def _reconstruct(random: Generator, seed: int, setting: Setting, verdicts: Verdi
     solution = verdicts.attempt(lambda: ps.reconstruct(**given), "reconstruct")
     for name, value in before.items():
         require(np.array_equal(given[name], value, equal_nan=True), f"reconstruct: it changes {name}")
-    orderings = ["wavefront", "lexicographic"]
+    orderings: list[Ordering] = ["wavefront", "lexicographic"]
     if not setting.brief and random.uniform() < 0.3:
         orderings.append("checkerboard")
     for ordering in orderings:
-        again = verdicts.attempt(lambda ordering=ordering: ps.reconstruct(**given, ordering=ordering), ordering)
+        again = verdicts.attempt(partial(ps.reconstruct, **given, ordering=ordering), ordering)
         if ordering == "checkerboard":
             if again is not None:
                 solution_holds(again, given)
@@ -203,16 +209,16 @@ def _save(random: Generator, seed: int, setting: Setting, verdicts: Verdicts) ->
 def _batch(random: Generator, seed: int, setting: Setting, verdicts: Verdicts) -> None:
     """Several images by the same keywords: the bits of each alone."""
     programs = setting.programs[seed % len(setting.programs)]
-    given = valid(random, programs, min(setting.largest, 30))
+    given = valid(random, programs, setting.largest and 30)
     count = int(random.integers(1, 5))
     own = ("mask", "walls", "known_depth", "albedo")
     entries = [{name: given[name] for name in ("image", "camera", *own) if name in given} for _ in range(count)]
     for number, entry in enumerate(entries):
         if number and random.uniform() < 0.5:
             # Of another size, and plain; on the scale of the first.
-            size = generate_calls.shape(random, 30)
+            size = generate_calls.shape(random, setting.largest and 30)
             scale = float(given["image"].max()) or 1.0
-            fresh = {"image": np.maximum(generate_calls.pattern(random, size), 1e-3) * scale}
+            fresh: dict[str, Any] = {"image": np.maximum(generate_calls.pattern(random, size), 1e-3) * scale}
             fresh["camera"] = generate_calls.camera(random, size)
             if "known_depth" in entry:
                 fresh["known_depth"] = np.full(size, np.nan)
@@ -223,13 +229,11 @@ def _batch(random: Generator, seed: int, setting: Setting, verdicts: Verdicts) -
         elif random.uniform() < 0.5:
             entry["image"] = entry["image"] * random.choice([1.0, 0.9])
     shared = {name: value for name, value in given.items() if name not in ("image", "camera", *own)}
-    lists = {name: [entry.get(name) for entry in entries] for name in own}
+    lists: dict[str, Any] = {name: [entry.get(name) for entry in entries] for name in own}
     cameras = [entry["camera"] for entry in entries]
     images = [entry["image"] for entry in entries]
     together = verdicts.attempt(lambda: ps.reconstruct_batch(images, cameras, **lists, **shared), "batch")
-    alone = [
-        verdicts.attempt(lambda entry=entry: ps.reconstruct(**entry, **shared), "reconstruct") for entry in entries
-    ]
+    alone = [verdicts.attempt(partial(ps.reconstruct, **entry, **shared), "reconstruct") for entry in entries]
     require((together is None) == (None in alone), "batch: what is refused alone is accepted, or the reverse")
     for one, other in zip(together or (), alone, strict=False):
         same_bits("batch", one, other)

@@ -54,14 +54,11 @@ def _png(random: Generator) -> File:
     shape = _shape(random)
     if random.uniform() < 0.4:
         samples = _samples(random, shape, int(random.integers(1, 5)), ("uint8", "uint16")[random.integers(2)])
-        return File(".png", imagecodecs.png_encode(np.ascontiguousarray(samples)), shape)
+        return File(".png", bytes(imagecodecs.png_encode(np.ascontiguousarray(samples))), shape)
     mode = ("1", "L", "LA", "P", "RGB", "RGBA", "I;16")[random.integers(7)]
-    picture = Image.fromarray(_samples(random, shape, 3, "uint8"))
+    grey, coloured = _samples(random, shape, 1, "uint16"), _samples(random, shape, 3, "uint8")
+    picture = Image.fromarray(grey) if mode == "I;16" else Image.fromarray(coloured).convert(mode)
     options: dict[str, Any] = {}
-    if mode == "I;16":
-        picture = Image.fromarray(_samples(random, shape, 1, "uint16"))
-    else:
-        picture = picture.convert(mode)
     if random.uniform() < 0.3 and mode in ("L", "P", "RGB"):
         options["transparency"] = (10, 20, 30) if mode == "RGB" else bytes([0, 128, 255]) if mode == "P" else 10
     if random.uniform() < 0.1 and mode == "RGB":

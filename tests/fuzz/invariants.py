@@ -78,7 +78,7 @@ def attempt(call: Callable[[], T], what: str, *, naming: str = "") -> tuple[T | 
             # What a file holds may be of any length; a value that is wrong was the caller's own to choose.
             short = not naming or len(message) <= _LONGEST_MESSAGE
             require(short, f"{what}: a message of over {_LONGEST_MESSAGE} letters", details)
-        except (Exception, RecursionError) as error:
+        except Exception as error:  # noqa: BLE001 # whatever it is, it is reported
             _foreign(error, what)
     for warning in told:
         own = warning.category is UserWarning or warning.category.__module__.startswith("persfs_cl")
