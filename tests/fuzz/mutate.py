@@ -40,8 +40,8 @@ def blindly(random: Generator, data: bytes) -> bytes:
     place = int(random.integers(0, len(data)))
 
     def edge() -> bytes:
-        size = 2 ** int(random.integers(4))
-        number = EDGES[random.integers(len(EDGES))] % 2 ** (8 * size)
+        size = 1 << int(random.integers(4))
+        number = EDGES[random.integers(len(EDGES))] % (1 << 8 * size)
         return number.to_bytes(size, "little" if random.integers(2) else "big")
 
     changes: list[Callable[[], bytes]] = [
@@ -219,7 +219,7 @@ def tiff(random: Generator, data: bytes) -> bytes:
         """An edge, an offset in the file, or little."""
         kind = random.integers(4)
         if kind == 0:
-            return EDGES[random.integers(len(EDGES))] % 2 ** (8 * found.number_bytes)
+            return EDGES[random.integers(len(EDGES))] % (1 << 8 * found.number_bytes)
         if kind == 1:
             return int(random.integers(0, len(data) + 8))
         return int(random.choice(found.starts)) if kind == 2 else int(random.integers(0, 70))
@@ -244,7 +244,7 @@ def tiff(random: Generator, data: bytes) -> bytes:
             place = entry + 4 + found.number_bytes
             if width * count > found.number_bytes:
                 (place,) = struct.unpack_from(found.order + found.number, data, place)
-            number = some_number() % 2 ** (8 * width)
+            number = some_number() % (1 << 8 * width)
             changed[place : place + width] = number.to_bytes(width, "little" if found.order == "<" else "big")
         case _:
             other, size = int(random.choice(found.entries)), found.entry_bytes
