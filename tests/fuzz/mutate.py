@@ -69,7 +69,7 @@ def with_format(random: Generator, data: bytes) -> bytes:
             return tiff(random, data)
         if data.startswith(b"\x93NUMPY"):
             return _npy(random, data)
-    except (struct.error, zlib.error, IndexError, ValueError):
+    except (struct.error, zlib.error, IndexError, OverflowError, ValueError):
         pass  # what earlier changes left is no such file any more
     return blindly(random, data)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
+import re
 import resource
 import signal
 import tempfile
@@ -15,30 +17,39 @@ from fuzz.cases import Setting, run
 from fuzz.invariants import Violation
 
 Task = Callable[[str, int, Setting], list[str]]
+_Answer = tuple[list[str], Violation | None]
 
 _OF_FILES = ("image", "exif", "array", "points", "compare")
 _FILE_SECONDS, _CALL_SECONDS = 20.0, 180.0
 """What a case may take at most; a call may compile several programs."""
+_GRACE = 2.0
+"""Until then a process that hangs has written where it is."""
 _MEMORY = 8 << 30
 """Address space of the process of the cases."""
+_TRACE = "trace.txt"
+"""In the folder of the cases: where a process was when it crashed or time was up."""
 
 
-def _work(pipe: Connection, task: Task) -> None:
+def _work(pipe: Connection, task: Task, folder: Path) -> None:
     """Run the cases that come by the pipe, and send back what became of each."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
-        setting = Setting(Path(folder))
+    setting = Setting(folder)
+    with (folder / _TRACE).open("w") as trace:
+        faulthandler.enable(trace)
         pipe.send(None)
         while True:
-            kind, seed = pipe.recv()
+            kind, seed, seconds = pipe.recv()
+            faulthandler.dump_traceback_later(seconds, file=trace)
             try:
-                pipe.send((task(kind, seed, setting), None))
+                answer: _Answer = task(kind, seed, setting), None
             except Violation as violation:
-                pipe.send(([], violation))
+                answer = [], violation
             except Exception as error:  # noqa: BLE001 # one case must not end the others
                 text = "".join(traceback.format_exception(error))
-                pipe.send(([], Violation(f"{kind}: {type(error).__name__} in the suite itself", text)))
+                answer = [], Violation(f"{kind}: {type(error).__name__} in the suite itself", text)
+            faulthandler.cancel_dump_traceback_later()
+            pipe.send(answer)
 
 
 class Worker:
@@ -59,32 +70,38 @@ class Worker:
         self._start()
 
     def _start(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="fuzz-")
         self._pipe, theirs = self._context.Pipe()
-        self._process = self._context.Process(target=_work, args=(theirs, self._task), daemon=True)
+        arguments = (theirs, self._task, Path(self._folder.name))
+        self._process = self._context.Process(target=_work, args=arguments, daemon=True)
         self._process.start()
         theirs.close()
         self._pipe.recv()  # it has begun
 
-    def run(self, kind: str, seed: int) -> tuple[list[str], Violation | None]:
-        """What became of a case."""
+    def run(self, kind: str, seed: int) -> _Answer:
+        """What became of a case: its verdicts, and what does not hold, if anything."""
         seconds = self._seconds or (_FILE_SECONDS if kind in _OF_FILES else _CALL_SECONDS)
-        self._pipe.send((kind, seed))
+        self._pipe.send((kind, seed, seconds))
         try:
-            if self._pipe.poll(seconds):
-                answer: tuple[list[str], Violation | None] = self._pipe.recv()
+            if self._pipe.poll(seconds + _GRACE):
+                answer: _Answer = self._pipe.recv()
                 return answer
-            violation = Violation(f"{kind}: no end after {seconds:g} s")
+            what = f"no end after {seconds:g} s"
         except (EOFError, ConnectionResetError):
             self._process.join()
             code = self._process.exitcode or 0
             how = signal.Signals(-code).name if code < 0 else f"status {code}"
-            violation = Violation(f"{kind}: the process ended by {how}")
+            what = f"the process ended by {how}"
+        trace = (Path(self._folder.name) / _TRACE).read_text()
+        inside = re.search(r"persfs_cl/(\S+\.py)\", line (\d+)", trace)
+        where = f" at {inside[1]}:{inside[2]}" if inside else ""
         self.close()
         self._start()
-        return [], violation
+        return [], Violation(f"{kind}: {what}{where}", trace[:3000])
 
     def close(self) -> None:
         """End the process."""
         self._process.kill()
         self._process.join()
         self._pipe.close()
+        self._folder.cleanup()
