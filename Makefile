@@ -6,13 +6,19 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 YARDSTICKS := $(VENV)/.yardsticks
 
+# Of 'make fuzz': for how long, the run's number, and single cases, as it reports them, instead.
+SECONDS ?= 600
+SEED ?= 0
+CASE ?=
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test lint bench paper clean
+.PHONY: help install demo test fuzz lint bench paper clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
 	@echo "make test     run the tests"
+	@echo "make fuzz     random files and calls; SECONDS=600 SEED=0 tell how long and which, CASE=image:7 runs one again"
 	@echo "make lint     check style and types"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
@@ -32,6 +38,9 @@ demo: $(INSTALLED)
 
 test: $(INSTALLED)
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+
+fuzz: $(INSTALLED)
+	cd tests && ../$(BIN)/python -m fuzz --seconds $(SECONDS) --seed $(SEED) $(addprefix --case ,$(CASE))
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
