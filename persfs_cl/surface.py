@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+NEAREST, FARTHEST = 1e-30, 1e30
+"""Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
