@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import as_array, as_floats, brief
 from persfs_cl.errors import InputError
 
 Align = Literal["scale", "range"]
@@ -66,13 +67,13 @@ def compare(
         ``"range"``, or the arrays are so far apart that an error is no double-precision number.
     """
     if align is not None and not (isinstance(align, str) and align in get_args(Align)):
-        raise InputError(f'align={align!r} is unknown: choose None, "scale" or "range".')
-    estimated, true = _numbers("estimate", estimate), _numbers("truth", truth)
+        raise InputError(f'align={brief(align)} is unknown: choose None, "scale" or "range".')
+    estimated, true = as_floats("estimate", estimate), as_floats("truth", truth)
     if estimated.shape != true.shape:
         raise InputError(f"estimate has shape {estimated.shape} but truth has {true.shape}: give both the same shape.")
     compared = ~(np.isnan(estimated) | np.isnan(true))
     if mask is not None:
-        wanted = _as_array("mask", mask)
+        wanted = as_array("mask", mask)
         if wanted.dtype != np.bool_:
             raise InputError(f"mask holds {wanted.dtype}, not bool: give mask > 0 or similar.")
         if wanted.shape != true.shape:
@@ -127,20 +128,6 @@ def _aligned_errors(estimated: Array, true: Array, align: Align | None) -> Error
         median=float(np.median(difference)),
         count=difference.size,
     )
-
-
-def _as_array(name: str, given: ArrayLike) -> NDArray[Any]:
-    try:
-        return np.asarray(given)
-    except Exception as error:  # whatever an object raises that is asked for an array
-        raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
-
-
-def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
-    values = _as_array(name, given)
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"{name} holds {values.dtype}, not numbers: give an array of floats.")
-    return values.astype(np.float64, copy=False)
 
 
 def _to_unit_range(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:

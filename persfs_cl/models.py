@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import PixelGrid
+from persfs_cl.checks import brief
 from persfs_cl.choices import Scheme
 from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -54,14 +55,14 @@ class Model:
         """
         if not isinstance(reflectance, (Lambertian, OrenNayar, Phong)):
             raise InputError(
-                f"reflectance={reflectance!r} is no known material: give Lambertian(), OrenNayar(...) or Phong(...)."
+                f"reflectance={brief(reflectance)} is no known material: give Lambertian(), OrenNayar(...) or Phong(...)."
             )
         if isinstance(light, ParallelLight):
             if isinstance(reflectance, Lambertian):
                 return cls(light, reflectance, ("light_cone", "parallel_light"))
             return cls(light, reflectance, ("elementary", _MATERIAL_KERNELS[type(reflectance)], "parallel_material"))
         if not isinstance(light, FlashLight):
-            raise InputError(f"light={light!r} is no known light: give a ParallelLight or a FlashLight.")
+            raise InputError(f"light={brief(light)} is no known light: give a ParallelLight or a FlashLight.")
         if not (light.coaxial or light.falloff):
             raise InputError(
                 f"light={light!r} has no scheme here: a lamp without fall-off must be at the camera. Leave its "

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import brief, finite_number
 from persfs_cl.errors import InputError
-from persfs_cl.light import finite_number
 
 Array = NDArray[np.float64]
 
@@ -131,7 +131,7 @@ class OrenNayar(Reflectance):
         roughness = finite_number(self.roughness)
         if not 0.0 <= roughness <= math.pi / 2:
             raise InputError(
-                f"roughness={self.roughness!r} is not an angle from 0 to π/2: give it in radians, 0 for a smooth "
+                f"roughness={brief(self.roughness)} is not an angle from 0 to π/2: give it in radians, 0 for a smooth "
                 "surface, 0.5 for a rough one."
             )
         object.__setattr__(self, "roughness", roughness)
@@ -208,12 +208,12 @@ class Phong(Reflectance):
     def __post_init__(self) -> None:
         diffuse, specular, shininess = map(finite_number, (self.diffuse, self.specular, self.shininess))
         if not diffuse > 0.0:
-            raise InputError(f"diffuse={self.diffuse!r} is no matt part: give a finite number above 0, such as 0.7.")
+            raise InputError(f"diffuse={brief(self.diffuse)} is no matt part: give a finite number above 0, such as 0.7.")
         if not specular >= 0.0:
-            raise InputError(f"specular={self.specular!r} is no highlight: give a finite number, 0 for none.")
+            raise InputError(f"specular={brief(self.specular)} is no highlight: give a finite number, 0 for none.")
         if not shininess >= 1.0:
             raise InputError(
-                f"shininess={self.shininess!r} is no exponent: give a finite number of at least 1, such as 10."
+                f"shininess={brief(self.shininess)} is no exponent: give a finite number of at least 1, such as 10."
             )
         object.__setattr__(self, "diffuse", diffuse)
         object.__setattr__(self, "specular", specular)

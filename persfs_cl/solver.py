@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from persfs_cl import lamp
 from persfs_cl._cl.device import Device, select_device
 from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl.camera import Camera
+from persfs_cl.checks import brief, finite_number, warn
 from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -240,7 +240,7 @@ def reconstruct_batch(
     options = options.resolved(model, scheme)
     slope = float(options.max_slope or _MAX_SLOPE)
     if callback is not None and not callable(callback):
-        raise InputError(f"callback={callback!r} cannot be called: give a function of iteration and change.")
+        raise InputError(f"callback={brief(callback)} cannot be called: give a function of iteration and change.")
     given = _entries("images", images)
     count = len(given)
     lists = {
@@ -262,6 +262,10 @@ def reconstruct_batch(
             yield
         except (InputError, CameraError) as error:
             raise type(error)(f"images[{number}]: {error}" if count > 1 else str(error)) from None
+        except MemoryError as error:
+            raise InputError(
+                f"images[{number}] does not fit into memory ({brief(error)}): reduce its size, or cut out a part."
+            ) from error
 
     def prepared(number: int) -> Problem:
         with naming(number):
@@ -340,8 +344,8 @@ def _entries(name: str, given: Any) -> list[Any]:
         )
     try:
         return list(given)
-    except TypeError as error:
-        raise InputError(f"{name}={given!r} is no list: give one entry an image.") from error
+    except Exception as error:  # an object may raise anything
+        raise InputError(f"{name}={brief(given)} is no list: give one entry an image.") from error
 
 
 @dataclass(frozen=True)
@@ -366,19 +370,19 @@ class Options:
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
-            if (value := getattr(self, name)) not in choices:
-                raise InputError(f"{name}={value!r} is not a choice: use one of {', '.join(choices)}.")
-        if self.accuracy_order not in (1, 2) or isinstance(self.accuracy_order, bool):
-            raise InputError(f"accuracy_order={self.accuracy_order!r}: the schemes are of order 1 or 2.")
+            if not isinstance(value := getattr(self, name), str) or value not in choices:
+                raise InputError(f"{name}={brief(value)} is not a choice: use one of {', '.join(choices)}.")
+        if finite_number(self.accuracy_order) not in (1.0, 2.0):
+            raise InputError(f"accuracy_order={brief(self.accuracy_order)}: the schemes are of order 1 or 2.")
         count = self.max_iterations
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise InputError(f"max_iterations={count!r}: give a whole number, at least 1.")
+            raise InputError(f"max_iterations={brief(count)}: give a whole number, at least 1.")
         _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
         if self.max_slope is not None:
             _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
             if self.max_slope > _STEEPEST:
                 raise InputError(
-                    f"max_slope={self.max_slope!r} is no bound: 30 is a surface seen at 2 degrees from grazing. "
+                    f"max_slope={brief(self.max_slope)} is no bound: 30 is a surface seen at 2 degrees from grazing. "
                     f"Give at most {_STEEPEST:g}."
                 )
 
@@ -530,11 +534,10 @@ class _Run:
 
 def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
     if count := int(np.count_nonzero(lamp.too_near(problem, depth))):
-        warnings.warn(
+        warn(
             f"{count} pixels come out as near to the camera as the lamp of light={problem.model.light!r}, where their "
             "depth ends: do not rely on them. Mask out what is too bright, or check the lamp's place and its gain, "
-            "which go by the same unit of depth.",
-            stacklevel=4,
+            "which go by the same unit of depth."
         )
 
 
@@ -582,15 +585,13 @@ def _correct_photographs(
             if change > lamp.LOST:
                 if run.statuses[place] is Status.CONVERGED:
                     run.statuses[place] = Status.MAX_ITERATIONS
-                warnings.warn(
+                warn(
                     f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
-                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it.",
-                    stacklevel=4,
+                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it."
                 )
             if shaded := int(dim[number].sum()):
-                warnings.warn(
-                    f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.",
-                    stacklevel=4,
+                warn(
+                    f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out."
                 )
         active = going
     if watch:
@@ -660,7 +661,8 @@ def _require_convergence(solution: Solution, which: str, tolerance: float) -> No
 
 
 def _require_number(name: str, value: object, *, lowest: float, inclusive: bool) -> None:
-    good = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not good or not math.isfinite(value) or value < lowest or (value == lowest and not inclusive):  # type: ignore[arg-type, operator]
+    number = finite_number(value)
+    # Written so that a NaN is refused too.
+    if not (number > lowest or (number == lowest and inclusive)):
         least = "at least" if inclusive else "greater than"
-        raise InputError(f"{name}={value!r}: give a finite number {least} {lowest:g}.")
+        raise InputError(f"{name}={brief(value)}: give a finite number {least} {lowest:g}.")

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
@@ -15,17 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import brief, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, read_bytes
-from persfs_cl.light import finite_number
 from persfs_cl.surface import FARTHEST, NEAREST
 
 Array = NDArray[np.float64]
 
 _FIELDS = ("column", "row", "depth")
 _FARTHEST_PIXEL = 1e9
-_LONGEST = 60
-"""Characters of a value that a message repeats."""
 _JSON_REMEDY = "give a list of objects that have column, row and depth."
 
 
@@ -88,9 +85,9 @@ def _checked(place: str, entry: Sequence[Any]) -> list[float]:
     """Column, row and depth as numbers."""
     numbers = []
     for name, value in zip(_FIELDS, entry, strict=True):
-        number = finite_number(value) if isinstance(value, (str, int, float)) and not isinstance(value, bool) else nan
+        number = _number(value) if isinstance(value, str) else finite_number(value)
         if isnan(number):
-            raise InputError(f"{place} has {name} {_brief(value)}: give a finite number.")
+            raise InputError(f"{place} has {name} {brief(value)}: give a finite number.")
         numbers.append(number)
     column, row, depth = numbers
     if not NEAREST <= depth <= FARTHEST:
@@ -102,14 +99,6 @@ def _checked(place: str, entry: Sequence[Any]) -> list[float]:
             f"{place} has column {column:g} and row {row:g}: give pixels, up to {_FARTHEST_PIXEL:g} from the first."
         )
     return numbers
-
-
-def _brief(value: object) -> str:
-    """The value as it stands in the file, and no more of it than a line takes."""
-    with suppress(ValueError, RecursionError):  # what is nested too deep, or has too many digits, is not written
-        text = repr(value)
-        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
-    return "of an endless kind"
 
 
 def at_points(values: ArrayLike, points: Array) -> Array:
@@ -178,12 +167,12 @@ def _from_json(path: Path, text: str) -> tuple[list[str], list[list[Any]]]:
         raise InputError(f'{path} holds an object without "points": {_JSON_REMEDY}')
     points = loaded["points"] if isinstance(loaded, dict) else loaded
     if not isinstance(points, list):
-        raise InputError(f"{path} holds {_brief(points)}, no list: {_JSON_REMEDY}")
+        raise InputError(f"{path} holds {brief(points)}, no list: {_JSON_REMEDY}")
     places = [f"{path}, point {number}," for number in range(1, len(points) + 1)]
     entries = []
     for place, point in zip(places, points, strict=True):
         if not isinstance(point, dict):
-            raise InputError(f"{place} is {_brief(point)}, no object: {_JSON_REMEDY}")
+            raise InputError(f"{place} is {brief(point)}, no object: {_JSON_REMEDY}")
         if missing := [name for name in _FIELDS if name not in point]:
             raise InputError(f"{place} lacks {' and '.join(missing)}: give column, row and depth.")
         entries.append([point[name] for name in _FIELDS])
@@ -209,7 +198,7 @@ def _from_csv(path: Path, text: str) -> tuple[list[str], list[list[Any]]]:
         places, rows = places[1:], rows[1:]
     elif names and not any(map(_is_number, names)):
         raise InputError(
-            f"{path} has the headings {_brief(', '.join(names))}, but column, row and depth are wanted, with commas "
+            f"{path} has the headings {brief(', '.join(names))}, but column, row and depth are wanted, with commas "
             "between: rename them, or leave the headings out and give these three numbers a line, the first two in "
             "pixels."
         )
@@ -218,15 +207,19 @@ def _from_csv(path: Path, text: str) -> tuple[list[str], list[list[Any]]]:
     for place, row in zip(places, rows, strict=True):
         if len(row) != len(names):
             raise InputError(
-                f"{place} has {len(row)} fields, not {len(names)}: give {', '.join(map(_brief, names))}, with commas "
+                f"{place} has {len(row)} fields, not {len(names)}: give {', '.join(map(brief, names))}, with commas "
                 "between."
             )
     return places, [[row[index] for index in where] for row in rows]
 
 
 def _is_number(text: str) -> bool:
+    return not isnan(_number(text)) or text.strip().lower() in ("nan", "inf", "-inf")
+
+
+def _number(text: str) -> float:
+    """As :func:`finite_number`, of a text."""
     try:
-        float(text)
+        return finite_number(float(text))
     except ValueError:
-        return False
-    return True
+        return nan

@@ -383,6 +383,21 @@ def test_principal_point_far_outside_is_refused() -> None:
         ps.reconstruct(IMAGE, ps.Camera(30.0, (500.0, 10.0)))
 
 
+def test_a_principal_point_outside_is_solved_with_a_warning_at_the_call() -> None:
+    """A part of a photograph has the solution of the whole, with known values around."""
+    scene = ps.bump(shape=(24, 24))
+    whole = ps.reconstruct(scene.image, scene.camera, known_depth=scene.known_depth, tolerance=1e-7)
+    part = np.s_[2:10, 1:9]
+    known = np.full((8, 8), np.nan)
+    known[[0, -1]], known[:, [0, -1]] = whole.depth[part][[0, -1]], whole.depth[part][:, [0, -1]]
+    centre = scene.camera.centre((24, 24))
+    camera = ps.Camera(scene.camera.focal_length, (centre[0] - 1, centre[1] - 2))
+    with pytest.warns(UserWarning, match="lies outside the image of shape") as caught:
+        cut = ps.reconstruct(scene.image[part], camera, known_depth=known, tolerance=1e-7)
+    assert caught[0].filename == __file__
+    np.testing.assert_allclose(cut.depth, whole.depth[part], atol=1e-5)
+
+
 def test_stopping_a_batch_stops_the_images_that_have_not_begun() -> None:
     scenes = [ps.bump(shape=(30, 30)), ps.bump(shape=(20, 33))]
     seen: list[int] = []

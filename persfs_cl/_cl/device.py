@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl as cl
 
+from persfs_cl.checks import brief
 from persfs_cl.errors import DeviceError
 
 INSTALL_HINT = (
@@ -195,16 +196,16 @@ def select_device(selector: int | str | Device | None = None) -> Device:
             return found[selector]
         raise DeviceError(f"device={selector} does not exist. There are: {listing}. {_SELECT}")
     if isinstance(selector, str) and selector.strip():
-        if selector.strip().isdigit():
+        if selector.strip().isdecimal() and len(selector.strip()) < 10:
             return select_device(int(selector))
         wanted = selector.strip().lower()
         for device in found:
             by_name = wanted in f"{device.name} {device.platform} {device.platform_version}".lower()
             if device.kind == wanted or (wanted not in ("cpu", "gpu") and by_name):
                 return device
-        raise DeviceError(f"No OpenCL device fits device={selector!r}. There are: {listing}. {_SELECT}")
+        raise DeviceError(f"No OpenCL device fits device={brief(selector)}. There are: {listing}. {_SELECT}")
     raise DeviceError(
-        f"device={selector!r} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
+        f"device={brief(selector)} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
     )
 
 
