@@ -121,10 +121,10 @@ class Camera:
         farthest = math.hypot(max(abs(cx), abs(width - 1 - cx)) / self.fx, max(abs(cy), abs(height - 1 - cy)) / self.fy)
         if not farthest <= _WIDEST:
             raise CameraError(
-                f"focal_length={_in_brackets(self.fx, self.fy)} and principal_point={_in_brackets(cx, cy)} make a corner "
-                f"of an image of shape {(height, width)} lie {math.degrees(math.atan(farthest)):.4g} degrees from the "
-                f"optical axis, and no lens draws more than {_WIDEST_DEGREES:g}: all are in pixels of this very image, "
-                "not in millimetres; was it resized after the camera was calibrated?"
+                f"focal_length={_in_brackets(self.fx, self.fy)} and principal_point={_in_brackets(cx, cy)} put a "
+                f"corner of an image of shape {_in_brackets(height, width)} at {math.degrees(math.atan(farthest)):.4g} "
+                f"degrees from the optical axis, and no lens draws more than {_WIDEST_DEGREES:g}: all are in pixels of "
+                "this very image, not in millimetres; was it resized after the camera was calibrated?"
             )
         x = (np.arange(width, dtype=np.float64) - cx) / self.fx
         y = ((np.arange(height, dtype=np.float64) - cy) / self.fy)[:, None]
@@ -136,9 +136,9 @@ class Camera:
         cx, cy = self.centre(shape)
         if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
             warn(
-                f"principal_point={_in_brackets(cx, cy)} lies outside the image of shape {shape}: right for a part that "
-                "was cut out of a photo, whose optical axis it keeps. Otherwise, it is (column, row) in pixels of this "
-                "very image: was it resized after the camera was calibrated?"
+                f"principal_point={_in_brackets(cx, cy)} lies outside the image of shape {shape}: right for a part "
+                "that was cut out of a photo, whose optical axis it keeps. Otherwise, it is (column, row) in pixels of "
+                "this very image: was it resized after the camera was calibrated?"
             )
 
     def centre(self, shape: tuple[int, int]) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import inspect
 import math
 import os
 import warnings
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -75,20 +76,20 @@ def brief(value: object) -> str:
     """`repr` of a value for a message: at most one line, whatever the value is."""
     try:
         text = " ".join(repr(value).split())
-    except Exception:  # too many digits, nested too deep, or broken: a message must not fail over it
+    except Exception:  # noqa: BLE001  # too many digits, or nested too deep: a message must not fail over it
         text = f"<{type(value).__name__}>"
     return text if len(text) <= 80 else f"{text[:79]}…"
 
 
 def finite_number(value: object) -> float:
     """`value` as a number; NaN when it is none, or not finite. Texts and truth values are none."""
-    if isinstance(value, (str, bytes, bytearray, bool, np.bool_, np.complexfloating)):
-        return math.nan
-    if isinstance(value, np.ndarray) and (value.ndim > 0 or value.dtype.kind not in "iuf"):
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if not isinstance(value, Real) or isinstance(value, bool):
         return math.nan
     try:
-        number = float(value)  # type: ignore[arg-type] # what is no number is caught
-    except Exception:  # an object may raise anything
+        number = float(value)
+    except OverflowError:
         return math.nan
     return number if math.isfinite(number) else math.nan
 
@@ -100,7 +101,7 @@ def finite_numbers(value: object) -> tuple[float, ...] | None:
             # Of what becomes of rows of unequal length.
             warnings.simplefilter("error")
             numbers = np.atleast_1d(np.asarray(value))
-    except Exception:  # an object may raise anything
+    except Exception:  # noqa: BLE001  # an object that is asked for an array may raise anything
         return None
     if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or numbers.size == 0:
         return None

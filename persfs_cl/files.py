@@ -155,6 +155,8 @@ def read_bytes(path: FilePath) -> bytes:
         raise InputError(f"{path} is a folder: name a file in it.") from error
     except OSError as error:
         raise InputError(f"{path} cannot be read: {_explained(error, 'Check the path.')}") from error
+    except ValueError as error:  # of characters that no name may have
+        raise InputError(f"{str(path)!r} is no path ({error}): check the spelling.") from error
     if not data:
         raise InputError(f"{path} is empty (0 bytes): copy or save it again.")
     return data

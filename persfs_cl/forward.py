@@ -68,7 +68,8 @@ def render(
     Raises
     ------
     InputError
-        When the depth is not a 2-D array of values from 1e-30 to 1e30, or the mask, the albedo or the cuts do not fit it.
+        When the depth is not a 2-D array of values from 1e-30 to 1e30, or the mask, the albedo or the cuts do not fit
+        it, or the lamp lies on it.
     DeviceError
         When the device does not exist or lacks the precision.
 
@@ -90,6 +91,8 @@ def render(
         raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
     reflecting = None if albedo is None else require_albedo(albedo, present)
     if cuts is not None:
+        if not isinstance(cuts, Cuts):
+            raise InputError(f"cuts={brief(cuts)} is none: give Solution.cuts, or persfs_cl.surface.Cuts.")
         cuts.check(values.shape)
     shape = values.shape[0], values.shape[1]
     grid = camera.grid(shape)
@@ -118,8 +121,7 @@ def render(
         precision,
         log_depth,
         flags,
-        # The gain is applied at the end, in double precision: single may not reach it.
-        (replace(model, light=replace(light, gain=1.0)) if isinstance(light, FlashLight) else model).parameters(grid),
+        model.of_unit_gain.parameters(grid),
         grid.x,
         grid.y[:, 0],
     )
@@ -137,7 +139,7 @@ def _with_gain(brightness: NDArray[np.float64], light: Light, log_scale: float) 
     power = (math.log(light.gain) + log_scale + math.log(largest)) / math.log(10.0) if largest > 0.0 else 0.0
     if not abs(power) < _MOST_POWER:
         raise InputError(
-            f"light={light!r} makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, or the "
-            "depth in that of the gain."
+            f"light={light!r} makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, or "
+            "the depth in that of the gain."
         )
     return brightness * math.exp(log_scale) * light.gain

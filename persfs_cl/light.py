@@ -86,8 +86,8 @@ class FlashLight:
     def __post_init__(self) -> None:
         if not isinstance(self.falloff, (bool, np.bool_)):
             raise InputError(
-                f"falloff={brief(self.falloff)} is no choice: give True where light fades with the square of the distance, "
-                "or False."
+                f"falloff={brief(self.falloff)} is no choice: give True where light fades with the square of the "
+                "distance, or False."
             )
         gain = finite_number(self.gain)
         if not gain > 0:
@@ -99,8 +99,8 @@ class FlashLight:
         numbers = finite_numbers(offset) or ()
         if len(numbers) != 3 or not all(abs(number) <= _FARTHEST for number in numbers):
             raise InputError(
-                f"offset={brief(offset)} is not a place: give three numbers up to {_FARTHEST:g}, (right, down, forward) "
-                "from the optical centre in units of depth, (0, 0, 0) for a light at the camera."
+                f"offset={brief(offset)} is not a place: give three numbers up to {_FARTHEST:g}, (right, down, "
+                "forward) from the optical centre in units of depth, (0, 0, 0) for a light at the camera."
             )
         object.__setattr__(self, "falloff", bool(self.falloff))
         object.__setattr__(self, "gain", gain)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -55,7 +55,8 @@ class Model:
         """
         if not isinstance(reflectance, (Lambertian, OrenNayar, Phong)):
             raise InputError(
-                f"reflectance={brief(reflectance)} is no known material: give Lambertian(), OrenNayar(...) or Phong(...)."
+                f"reflectance={brief(reflectance)} is no known material: give Lambertian(), OrenNayar(...) or "
+                "Phong(...)."
             )
         if isinstance(light, ParallelLight):
             if isinstance(reflectance, Lambertian):
@@ -98,6 +99,11 @@ class Model:
         if not isinstance(self.light, FlashLight):
             raise TypeError(f"{self.light!r} is no flash")
         return self.light
+
+    @property
+    def of_unit_gain(self) -> Model:
+        """The same with a gain of 1, where there is one, for the device: single precision may not reach another."""
+        return replace(self, light=replace(self.light, gain=1.0)) if isinstance(self.light, FlashLight) else self
 
     @property
     def beside_camera(self) -> bool:

@@ -453,7 +453,7 @@ def _matplotlib() -> ModuleType:
     level = logger.level
     logger.setLevel(logging.CRITICAL)
     try:
-        import matplotlib
+        import matplotlib as mpl
     finally:
         logger.setLevel(level)
         if backend is not None:
@@ -461,8 +461,8 @@ def _matplotlib() -> ModuleType:
     if backend:
         # For others in this process who draw, as the import would have done.
         with suppress(ValueError):
-            matplotlib.rcParams["backend"] = backend
-    return matplotlib
+            mpl.rcParams["backend"] = backend
+    return mpl
 
 
 @contextmanager

@@ -29,6 +29,12 @@ _MOST_RELIEF = 1e9
 _LEAST_LIGHT, _MOST_LIGHT = 1e-100, 1e100
 """What the brightest pixel may be under a flash, so that products of it have double-precision numbers."""
 
+_STEEPEST_GROUND = 30.0
+"""Degrees. A coin whose edge is bevelled has a median of 20 along its outline, a sphere 75 and more."""
+
+_FARTHEST_LAMP = 1e3
+"""A lamp that is so many times farther from the camera than from the surface leaves nothing of its relief."""
+
 _MOST_PIXELS = 2**30
 """Indices within an array are computed in 32 bits here and there."""
 
@@ -130,7 +136,7 @@ class Problem:
             log_depth=self.start,
             brightness=self.shading,
             flags=self.domain.flags,
-            parameters=self.model.parameters(
+            parameters=self.model.of_unit_gain.parameters(
                 self.grid, scheme=self.scheme, sign=self.sign, max_slope=self.max_slope, unit=math.exp(self.level)
             ),
             x_axis=x_axis,
@@ -235,10 +241,13 @@ def prepare(
     Warns
     -----
     UserWarning
-        When under a flash many pixels are as dark as what lies behind an object.
+        When under a flash many pixels are as dark as what lies behind an object; when z = 1 is assumed on the outline
+        of a mask that is no flat ground; when the principal point lies outside the image.
     """
     if not isinstance(camera, Camera):
-        raise InputError(f"camera={checks.brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+        raise InputError(
+            f"camera={checks.brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...)."
+        )
     # A copy, so that the solution stays what it is whatever becomes of the user's array.
     photograph = np.array(checks.to_float64(require_image(image)), order="C")
     shape = photograph.shape
@@ -267,11 +276,15 @@ def prepare(
     if albedo is not None:
         used = layout.known | layout.solved
         reflecting = require_albedo(albedo, used if on_walls is None else used | on_walls)
-    # What is not solved may hold anything.
-    with np.errstate(over="ignore", invalid="ignore"):
+    # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
+    if not (photograph.min() >= -_MOST_LIGHT and photograph.max() <= _MOST_LIGHT):
+        photograph[~layout.solved & ~(np.abs(photograph) <= _MOST_LIGHT)] = np.nan
+    with np.errstate(over="ignore"):
         given = photograph if reflecting is None else photograph / reflecting
     name = "image" if reflecting is None else "image / albedo"
     _require_shading(given, layout.solved, model, model.brightest(grid), name)
+    if known_depth is None and not model.falls_off:
+        warn_of_steep_outline(given, wanted if barriers is None else wanted & ~barriers, wanted, model)
     if model.falls_off:
         _require_unit(given, layout.solved, grid, model)
         _warn_of_background(given, layout.solved)
@@ -467,9 +480,7 @@ def _require_shading(
         )
 
 
-def _require_unit(
-    brightness: NDArray[np.float64], solved: NDArray[np.bool_], grid: PixelGrid, model: Model
-) -> None:
+def _require_unit(brightness: NDArray[np.float64], solved: NDArray[np.bool_], grid: PixelGrid, model: Model) -> None:
     """Refuse brightness and gain of a flash that put the surface where numbers end."""
     brightest, light = _largest(brightness, solved), model.flash
     if not _LEAST_LIGHT <= brightest <= _MOST_LIGHT:
@@ -478,6 +489,12 @@ def _require_unit(
             f"{_MOST_LIGHT:g}, and the gain on the same scale."
         )
     returned = math.log(light.gain) + math.log(model.reflectance.brightest) - math.log(brightest)
+    reach, apart = math.exp(min(0.5 * returned, 500.0)), math.hypot(*light.offset)
+    if apart > _FARTHEST_LAMP * reach:
+        raise InputError(
+            f"light={light!r} is {apart:g} away from the camera, but the brightest pixel, {brightest:g}, tells of a "
+            f"surface at most {reach:g} from the lamp: give offset and gain in the same unit of depth."
+        )
     ray = 1.0 + max(abs(grid.x[0]), abs(grid.x[-1])) ** 2 + max(abs(grid.y[0, 0]), abs(grid.y[-1, 0])) ** 2
     nearest, farthest = 0.5 * (returned - math.log(ray)), 0.5 * (returned - math.log(_BLACK))
     if nearest < _NEAREST_LOG or farthest > _FARTHEST_LOG:
@@ -486,6 +503,42 @@ def _require_unit(
             f"light={light!r} puts an image that goes up to {brightest:g} at a depth of 1e{power:+.0f} or so: give the "
             f"gain, on the scale of the image, for a unit of depth in which the surface lies well between {NEAREST:g} "
             f"and {FARTHEST:g}."
+        )
+
+
+def warn_of_steep_outline(
+    brightness: NDArray[np.float64], looked_at: NDArray[np.bool_], wanted: NDArray[np.bool_], model: Model
+) -> None:
+    """Warn where z = 1 is assumed along the outline of a mask that is no flat ground, as far as its brightness tells.
+
+    Flat ground facing the camera has the angle θ0 = acos(1 / k) to a parallel light. A pixel at the angle θ, by its
+    brightness beside that of the ground, is tilted by abs(θ - θ0) at least, whichever way. The frame of the image is
+    not looked at: the object goes on there.
+
+    Parameters
+    ----------
+    brightness : ndarray of float64, shape (height, width)
+    looked_at, wanted : ndarray of bool, shape (height, width)
+        Pixels whose brightness counts, and the mask.
+    model : Model
+        Under a parallel light.
+    """
+    light = model.light
+    if wanted.all() or not isinstance(light, ParallelLight):
+        return
+    outline = looked_at & domain.Neighbours.of(~wanted).any & np.isfinite(brightness)
+    if not outline.any():
+        return
+    ground = 1.0 / light.norm
+    relative = brightness[outline] / float(model.reflectance.shade(ground, 1.0, ground))
+    tilts = np.abs(np.arccos(np.clip(relative * ground, 0.0, 1.0)) - math.acos(ground))
+    tilt = math.degrees(float(np.median(tilts)))
+    if tilt > _STEEPEST_GROUND:
+        checks.warn(
+            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1, but by its "
+            f"brightness half of it is tilted by {tilt:.0f} degrees or more, as that of a round object. Then a flat "
+            "sheet, or the outline inflated like a balloon, is mostly nearer to the truth than this surface: give "
+            "known_depth, at the nearest points of the object say, or photograph with a flash."
         )
 
 

@@ -19,7 +19,7 @@ from persfs_cl import forward, images, metrics, pictures, surface
 from persfs_cl._cl.device import Device
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
-from persfs_cl.checks import warn
+from persfs_cl.checks import as_array, as_floats, brief, warn
 from persfs_cl.confidence import Confidence, slope_error
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, filling
@@ -179,8 +179,16 @@ class Solution:
         photo : ndarray of float, shape (height, width), optional
             Compare with this image, on the same scale, such as the photograph before smoothing, instead of with the
             prepared :attr:`image`.
+
+        Raises
+        ------
+        InputError
+            When it holds no numbers, or is not of the image's shape.
         """
-        return self._grey_errors(self.render(), self.image if photo is None else photo)
+        given = self.image if photo is None else as_floats("photo", photo)
+        if given.shape != self.image.shape:
+            raise InputError(f"photo has shape {given.shape}: give one of the image's shape {self.image.shape}.")
+        return self._grey_errors(self.render(), given)
 
     def _grey_errors(self, rendered: Array, given: Array) -> metrics.Errors:
         grey = 255.0 / self.white
@@ -205,12 +213,14 @@ class Solution:
         Raises
         ------
         InputError
-            When a map is not of bool, or not of the image's shape.
+            When `doubts` is no mapping, or a map is not of bool, or not of the image's shape.
         """
         return self._confidence(self.normals(), doubts)
 
     def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
-        given = {reason: np.asarray(pixels) for reason, pixels in (doubts or {}).items()}
+        if doubts is not None and not isinstance(doubts, Mapping):
+            raise InputError(f"doubts={brief(doubts)} is no mapping: give maps of bool by the reason for doubt.")
+        given = {reason: as_array(f"doubts[{reason!r}]", pixels) for reason, pixels in (doubts or {}).items()}
         for reason, pixels in given.items():
             if pixels.dtype != bool or pixels.shape != self.depth.shape:
                 raise InputError(
@@ -395,9 +405,7 @@ class Solution:
                 path, self.image, rendered, white=white, photo_title="Prepared photograph"
             ),
             "confidence": lambda path: pictures.confidence_picture(path, confidence.slope_error, confidence.doubts),
-            "convergence": lambda path: pictures.convergence_picture(
-                path, self.changes, self.parameters["tolerance"]
-            ),
+            "convergence": lambda path: pictures.convergence_picture(path, self.changes, self.parameters["tolerance"]),
         }
         drawn = []
         for name, draw in drawings.items():

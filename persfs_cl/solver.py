@@ -25,6 +25,7 @@ from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare, require_image
 from persfs_cl.reflectance import Lambertian, Reflectance
 from persfs_cl.solution import Elapsed, Solution, Status
+from persfs_cl.surface import FARTHEST, NEAREST
 
 Callback = Callable[[int, float], bool | None]
 _Surface = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -294,8 +295,10 @@ def reconstruct_batch(
         rounds = None
         if lamp.in_rounds(model, scheme):
             rounds = _correct_photographs(chosen, problems, results, run, options, watch)
-        for problem, (_, depth) in zip(problems, results, strict=True):
+        for problem, (_, depth), status in zip(problems, results, run.statuses, strict=True):
             _warn_if_too_near(problem, depth)
+            if status is Status.CONVERGED:
+                _warn_if_lost(problem, depth)
         cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
@@ -541,6 +544,15 @@ def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
         )
 
 
+def _warn_if_lost(problem: Problem, depth: NDArray[np.float64]) -> None:
+    if count := int(np.count_nonzero(problem.domain.solved & np.isnan(depth))):
+        warn(
+            f"{count} pixels come out nearer than {NEAREST:g} or farther than {FARTHEST:g}, and have no depth: they, "
+            "or those between them and a known depth, are too dark for the light, and only "
+            f"max_slope={problem.max_slope:g} bounds their slope. Mask them out, or lower max_slope."
+        )
+
+
 def _correct_photographs(
     device: Device,
     problems: Sequence[Problem],
@@ -590,9 +602,7 @@ def _correct_photographs(
                     f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it."
                 )
             if shaded := int(dim[number].sum()):
-                warn(
-                    f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out."
-                )
+                warn(f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.")
         active = going
     if watch:
         watch.before = 0

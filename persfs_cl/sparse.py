@@ -134,7 +134,7 @@ def compare_points(estimate: ArrayLike, truth: ArrayLike, *, scale: bool = True)
         raise InputError(f"none of {true.size} points can be compared: the estimate has no depth at any of them.")
     estimated, true = estimated[compared], true[compared]
     for values in (estimated, true):
-        if not (NEAREST <= values.min() and values.max() <= FARTHEST):
+        if not (values.min() >= NEAREST and values.max() <= FARTHEST):
             raise InputError(
                 f"depths range from {values.min():g} to {values.max():g}: give distances in front of the camera, from "
                 f"{NEAREST:g} to {FARTHEST:g}."

@@ -154,7 +154,7 @@ def test_from_fov_spans_the_angle_between_the_outer_edges(angle: float) -> None:
 
 @pytest.mark.parametrize("angle", [5e-324, 1e-10])
 def test_a_view_without_width_is_no_camera(angle: float) -> None:
-    with pytest.raises(CameraError, match="focal_length=.* is impossible"):
+    with pytest.raises(CameraError, match=r"focal_length=.* is impossible"):
         Camera.from_fov(angle, (30, 40))
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import persfs_cl as ps
+from persfs_cl.cli.app import app
 from persfs_cl.sparse import at_points, compare_points, read_points
 
 CSV = b"column,row,depth\n1,2,3.5\n4,5,0.25\n"
@@ -101,7 +103,7 @@ def check(path: Path, data: bytes, place: str, words: str) -> None:
 def test_random_edits_give_points_or_an_error_that_names_the_file(tmp_path: Path, name: str, data: bytes) -> None:
     random = np.random.default_rng(5)
     path = tmp_path / name
-    alphabet = b'0123456789.,;:-+eEnaNif"\'[]{}\\ \t\n\r\x00\xff\xc3\xe2'
+    alphabet = b"0123456789.,;:-+eEnaNif\"'[]{}\\ \t\n\r\x00\xff\xc3\xe2"
     refused = 0
     for _ in range(400):
         edited = bytearray(data)
@@ -140,10 +142,6 @@ def test_depths_of_points_are_distances() -> None:
 
 
 def test_a_report_beside_the_depth_that_is_no_report_is_no_error(tmp_path: Path) -> None:
-    from typer.testing import CliRunner
-
-    from persfs_cl.cli.app import app
-
     np.save(tmp_path / "depth.npy", np.full((6, 5), 2.0))
     (tmp_path / "points.json").write_text(json.dumps([{"column": 1, "row": 1, "depth": 2}]))
     (tmp_path / "report.json").write_text("[" * 100_000)
