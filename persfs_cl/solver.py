@@ -41,6 +41,7 @@ _CHOICES = {
 _MAX_SLOPE = 30.0
 _MAX_SLOPE_UPWIND = 5.0
 _STEEPEST = 1e6
+_MOST_ITERATIONS = 10**9
 
 _FREE_CORRECTIONS = 40
 """Iterations of second order in which values may rise, at least."""
@@ -97,8 +98,9 @@ def reconstruct(
         True where the surface may jump: nothing propagates across these pixels. After the solve each gets its depth
         from the side that it belongs to, see :attr:`Solution.cuts`.
     known_depth : array_like of float, shape (height, width), optional
-        Depths z > 0 that are kept exactly, NaN where unknown; inside the mask or beside it. When not given, with a
-        parallel light the edge of the image or mask has z = 1 (the paper's zero boundary conditions); with a flash
+        Depths that are kept exactly, from 1e-30 to 1e30 and at most a factor of 1e9 apart; NaN where unknown; inside
+        the mask or beside it. When not given, with a parallel light the edge of the image or mask has z = 1 (the
+        paper's zero boundary conditions), with a warning where a mask's outline is no flat ground; with a flash
         nothing is known, and without its fall-off some depth must be given.
     albedo : array_like of float, shape (height, width), optional
         Share of light in (0, 1] that the surface returns at each pixel, by which the image is divided; 1 if not given.
@@ -148,7 +150,7 @@ def reconstruct(
     InputError
         When an array or option cannot be used; the message says which, its value, and the remedy.
     CameraError
-        When the principal point is far outside the image.
+        When the ray of a pixel lies more than 85 degrees from the optical axis.
     DeviceError
         When no device fits, or it lacks the precision or the memory.
     ConvergenceError
@@ -242,6 +244,8 @@ def reconstruct_batch(
     slope = float(options.max_slope or _MAX_SLOPE)
     if callback is not None and not callable(callback):
         raise InputError(f"callback={brief(callback)} cannot be called: give a function of iteration and change.")
+    if not isinstance(throw, (bool, np.bool_)):
+        raise InputError(f"throw={brief(throw)} is no choice: give True or False.")
     given = _entries("images", images)
     count = len(given)
     lists = {
@@ -334,7 +338,7 @@ def reconstruct_batch(
     finished = [solution for solution in solutions if solution is not None]
     if throw:
         for number, solution in enumerate(finished):
-            _require_convergence(solution, f"images[{number}]: " if count > 1 else "", tolerance)
+            _require_convergence(solution, f"images[{number}]: " if count > 1 else "", options.tolerance)
     return finished
 
 
@@ -378,16 +382,21 @@ class Options:
         if finite_number(self.accuracy_order) not in (1.0, 2.0):
             raise InputError(f"accuracy_order={brief(self.accuracy_order)}: the schemes are of order 1 or 2.")
         count = self.max_iterations
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise InputError(f"max_iterations={brief(count)}: give a whole number, at least 1.")
-        _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= _MOST_ITERATIONS:
+            raise InputError(
+                f"max_iterations={brief(count)}: give a whole number, at least 1 and at most {_MOST_ITERATIONS}."
+            )
+        tolerance = _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
+        # Plain numbers, whatever type they came in: comparisons of short ones overflow.
+        object.__setattr__(self, "tolerance", tolerance)
         if self.max_slope is not None:
-            _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
-            if self.max_slope > _STEEPEST:
+            slope = _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
+            if slope > _STEEPEST:
                 raise InputError(
                     f"max_slope={brief(self.max_slope)} is no bound: 30 is a surface seen at 2 degrees from grazing. "
                     f"Give at most {_STEEPEST:g}."
                 )
+            object.__setattr__(self, "max_slope", slope)
 
     def resolved(self, model: Model, scheme: Scheme) -> Options:
         """The same with "auto" replaced, checked against the model.
@@ -670,9 +679,11 @@ def _require_convergence(solution: Solution, which: str, tolerance: float) -> No
         )
 
 
-def _require_number(name: str, value: object, *, lowest: float, inclusive: bool) -> None:
+def _require_number(name: str, value: object, *, lowest: float, inclusive: bool) -> float:
+    """The value as a number; InputError when it is none, or too low."""
     number = finite_number(value)
     # Written so that a NaN is refused too.
     if not (number > lowest or (number == lowest and inclusive)):
         least = "at least" if inclusive else "greater than"
         raise InputError(f"{name}={brief(value)}: give a finite number {least} {lowest:g}.")
+    return number
