@@ -386,6 +386,8 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
     moved = values > 0
     with _figure(path, 6.4, 4.0) as figure:
         axes = figure.add_subplot()
+        # Matplotlib complains of limits of its own that come from one value alone.
+        axes.set_autoscaley_on(False)
         axes.semilogy(iterations[moved], values[moved], color="#31688e", marker="o", markersize=3.5, label="change")
         if tolerance > 0:
             axes.axhline(tolerance, color="#c44e52", linestyle="--", label=f"tolerance {tolerance:g}")
