@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.errors import InputError
 
+_MOST_NUMBERS = 2**31
+"""An array of more, such as a broadcast one that takes no memory, would be copied, and take all there is."""
+
 
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
     """The array that a user gave, perhaps the very one.
@@ -22,7 +25,7 @@ def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
     ------
     InputError
         When it is a path, its rows have unequal lengths, it has masked elements, or whatever an object raises that is
-        asked for an array.
+        asked for an array; or when it has more numbers than any image.
     """
     if isinstance(given, (str, bytes, os.PathLike)):
         raise InputError(f"{name}={brief(given)} is no array: read the file first if it is a path.")
@@ -31,9 +34,12 @@ def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
             f"{name} is a masked array, whose mask would be lost: give {name}.filled(...), and the mask by itself."
         )
     try:
-        return np.asarray(given)
+        values = np.asarray(given)
     except Exception as error:  # an object may raise anything
         raise InputError(f"{name} is no array ({brief(error)}): give numbers in rows of equal length.") from error
+    if values.size > _MOST_NUMBERS:
+        raise InputError(f"{name} has shape {values.shape}: give at most {_MOST_NUMBERS} numbers, of a smaller image.")
+    return values
 
 
 def as_floats(name: str, given: ArrayLike) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from persfs_cl.errors import InputError
 Array = NDArray[np.float64]
 
 _SAMPLES = 100_001
-_STRONGEST, _SHINIEST = 1e6, 1e6
+_STRONGEST, _SHINIEST = 1e12, 1e6
 """A highlight of such an exponent is a tenth of a degree wide: with more, single precision loses it."""
 _MARGIN = 1.001
 """More than a smooth function can rise between its samples above the largest of them."""
@@ -191,9 +191,9 @@ class Phong(Reflectance):
     Parameters
     ----------
     diffuse : float
-        Brightness of the matt part face on, from 1e-6 to 1e6.
+        Brightness of the matt part face on, from 1e-12 to 1e12.
     specular : float
-        Brightness of the highlight, from 0 to 1e6 times the matt part. With ``diffuse + specular = 1`` the
+        Brightness of the highlight, from 0 to 1e12. With ``diffuse + specular = 1`` the
         brightest value is 1.
     shininess : float
         From 1 to 1e6; the higher, the smaller the highlight.
@@ -215,10 +215,9 @@ class Phong(Reflectance):
                 f"diffuse={brief(self.diffuse)} is no matt part: give a number from {1 / _STRONGEST:g} to "
                 f"{_STRONGEST:g}, such as 0.7."
             )
-        if not 0.0 <= specular <= _STRONGEST * diffuse:
+        if not 0.0 <= specular <= _STRONGEST:
             raise InputError(
-                f"specular={brief(self.specular)} is no highlight: give a number from 0, for none, to {_STRONGEST:g} "
-                "times the matt part."
+                f"specular={brief(self.specular)} is no highlight: give a number from 0, for none, to {_STRONGEST:g}."
             )
         if not 1.0 <= shininess <= _SHINIEST:
             raise InputError(

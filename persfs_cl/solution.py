@@ -33,6 +33,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Doubts = Mapping[str, Mask]
 
+_BRIGHTEST = 1e100
+"""More than any brightness; what is multiplied by it still has a double-precision number."""
+
 
 class Status(enum.Enum):
     """How an iteration ended; the value says what that means and what to try."""
@@ -188,6 +191,8 @@ class Solution:
         given = self.image if photo is None else as_floats("photo", photo)
         if given.shape != self.image.shape:
             raise InputError(f"photo has shape {given.shape}: give one of the image's shape {self.image.shape}.")
+        if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
+            raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
         return self._grey_errors(self.render(), given)
 
     def _grey_errors(self, rendered: Array, given: Array) -> metrics.Errors:

@@ -267,6 +267,8 @@ def test_the_smallest_surfaces_can_be_saved(shape: tuple[int, int], count: int, 
 def test_what_is_compared_and_doubted_is_checked(solution: ps.Solution) -> None:
     with pytest.raises(ps.InputError, match=r"photo has shape \(3,\)"):
         solution.grey_errors(np.ones(3))
+    with pytest.raises(ps.InputError, match=r"photo goes up to 1e\+308"):
+        solution.grey_errors(np.full(solution.depth.shape, 1e308))
     with pytest.raises(ps.InputError, match="photo is no array"):
         solution.grey_errors([[1.0], [2.0, 3.0]])  # type: ignore[arg-type]
     for doubts in (3.0, np.ones((40, 50), bool)):

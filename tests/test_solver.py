@@ -520,7 +520,7 @@ def test_a_relief_on_flat_ground_has_a_flat_outline(light: ps.ParallelLight) -> 
     wide = np.full((70, 70), 1.0 / light.norm)
     wide[15:55, 15:55] = scene.image
     for material in (ps.Lambertian(), ps.OrenNayar(0.3), ps.Phong()):
-        frontal = float(material.shade(1 / light.norm, 1.0, 1 / light.norm)) * light.norm  # type: ignore[attr-defined]
+        frontal = float(material.shade(1 / light.norm, 1.0, 1 / light.norm)) * light.norm
         image = np.minimum(wide * frontal, 0.99)
         ps.reconstruct(image, ps.Camera(100.0), mask=disc(70, 0.2), light=light, reflectance=material, max_iterations=1)
 
