@@ -160,7 +160,9 @@ class Solution:
         if isinstance(self.light, ParallelLight):
             return 1.0
         used = self.solved if self.walls is None else self.solved & ~self.walls
-        return float(self.image[used].max()) if used.any() else 1.0
+        # Of known pixels the brightness may be anything, or black where a run was ended early.
+        brightest = float(np.fmax.reduce(self.image[used], initial=0.0))
+        return brightest if brightest * _BRIGHTEST >= 1.0 else 1.0
 
     def render(self) -> Array:
         """The surface photographed again under its own light, eq. (6); NaN where not solved."""

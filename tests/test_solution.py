@@ -274,3 +274,16 @@ def test_what_is_compared_and_doubted_is_checked(solution: ps.Solution) -> None:
     for doubts in (3.0, np.ones((40, 50), bool)):
         with pytest.raises(ps.InputError, match="no mapping"):
             solution.confidence(doubts)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("black", [0.0, np.nan, np.inf, 1e308])
+def test_black_or_no_brightness_at_known_depths_spoils_no_report(black: float) -> None:
+    image = np.full((3, 4), black)
+    image[1, 1:3] = 0.5, 0.6
+    known = np.where(np.isfinite(image) & (image > 0) & (image < 1), np.nan, 1.0)
+    mask = np.isnan(known)
+    found = ps.reconstruct(image, ps.Camera(20.0), light=ps.FlashLight(falloff=False), mask=mask, known_depth=known)
+    alone = dataclasses.replace(found, depth=known, log_depth=np.log(known), solved=~mask)
+    for solution in (found, alone):
+        assert solution.white == (1.0 if solution is alone else 0.6)
+    json.dumps(found.report(), allow_nan=False)
