@@ -292,16 +292,17 @@ def prepare(
     sign = 1.0 if surface == "away" else -1.0
     log_ray = _log_of_ray(grid, model, scheme)
     known_values = sign * (np.log(depths[layout.known]) + log_ray[layout.known])
+    # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
+    beside_solved = np.concatenate(
+        [domain.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)]
+    )
+    _require_relief(depths[layout.known][beside_solved])
     first: NDArray[np.float64] | float
     if model.falls_off:
         shading, first, level = _at_unit_distance(given, layout.solved, grid, model, scheme)
         highest_known = np.inf
     else:
-        # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
-        beside_solved = [
-            domain.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)
-        ]
-        seen = known_values[np.concatenate(beside_solved)]
+        seen = known_values[beside_solved]
         level = float(seen.min())
         # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
         steps = np.count_nonzero(layout.solved) + 1
@@ -583,9 +584,14 @@ def _require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[n
             f"known_depth holds {value:g}: give depths from {NEAREST:g} to {FARTHEST:g}, in another unit if need be, "
             "and NaN for unknown."
         )
+    return checks.to_float64(depths), known
+
+
+def _require_relief(depths: NDArray[np.float64]) -> None:
+    """Refuse known depths, of those that the surface meets, that are too far apart for single precision."""
+    nearest, farthest = float(depths.min(initial=np.inf)), float(depths.max(initial=0.0))
     if farthest > _MOST_RELIEF * nearest:
         raise InputError(
-            f"known_depth goes from {nearest:g} to {farthest:g}: give depths of which the farthest is at most "
-            f"{_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has no end."
+            f"known_depth goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of which the "
+            f"farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has no end."
         )
-    return checks.to_float64(depths), known
