@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import re
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import as_array, brief, finite_numbers, warn
 from persfs_cl.decoding import decoding
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.files import FilePath, read_bytes
@@ -40,6 +40,9 @@ _EDITORS = re.compile(
     re.IGNORECASE,
 )
 _TELL = "Give focal_length, in pixels."
+_WIDEST_DEGREES = 85.0
+_WIDEST = math.tan(math.radians(_WIDEST_DEGREES))
+_LEAST_TANGENT = 1e-100
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,9 @@ class Camera:
     focal_length : float or (float, float)
         In pixels, above 0; two values are (fx, fy).
     principal_point : (float, float), optional
-        Where the optical axis meets the image: (cx, cy), column and row in pixels. Left out, it is the
-        middle of the image, ((width - 1) / 2, (height - 1) / 2).
+        Where the optical axis meets the image: (cx, cy), column and row in pixels; a part that was cut out of a
+        photograph keeps its axis, which may lie outside. Left out, it is the middle of the image,
+        ((width - 1) / 2, (height - 1) / 2).
 
     Raises
     ------
@@ -84,18 +88,18 @@ class Camera:
     principal_point: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        lengths = _finite_numbers(self.focal_length)
+        lengths = finite_numbers(self.focal_length)
         if lengths is None or len(lengths) > 2 or min(lengths) < 1e-3 or max(lengths) > 1e9:
             raise CameraError(
-                f"focal_length={self.focal_length!r} is impossible: give one number of pixels "
+                f"focal_length={brief(self.focal_length)} is impossible: give one number of pixels "
                 "between 0.001 and 1e9, or two, (fx, fy)."
             )
         object.__setattr__(self, "focal_length", lengths if len(lengths) == 2 else lengths[0])
         if self.principal_point is not None:
-            point = _finite_numbers(self.principal_point)
+            point = finite_numbers(self.principal_point)
             if point is None or len(point) != 2:
                 raise CameraError(
-                    f"principal_point={self.principal_point!r} is impossible: give two finite numbers of "
+                    f"principal_point={brief(self.principal_point)} is impossible: give two finite numbers of "
                     "pixels, (column, row), or leave it out for the middle of the image."
                 )
             object.__setattr__(self, "principal_point", point)
@@ -125,22 +129,34 @@ class Camera:
         Raises
         ------
         CameraError
-            When the principal point lies more than one image size beyond an edge of the image.
+            When the ray of a pixel lies more than 85 degrees from the optical axis.
         InputError
             When `shape` is not an image's.
         """
         height, width = _image_shape(shape)
         cx, cy = self.centre((height, width))
-        for name, centre, size in (("cx", cx, width), ("cy", cy, height)):
-            if not -size <= centre <= 2 * size:
-                raise CameraError(
-                    f"principal_point=({cx:g}, {cy:g}) is far outside an image of shape {(height, width)}: "
-                    f"{name} must lie in [{-size}, {2 * size}]. It is (column, row) in pixels of this very "
-                    "image: was the photo resized after the camera was calibrated?"
-                )
+        farthest = math.hypot(max(abs(cx), abs(width - 1 - cx)) / self.fx, max(abs(cy), abs(height - 1 - cy)) / self.fy)
+        if not farthest <= _WIDEST:
+            raise CameraError(
+                f"focal_length={_in_brackets(self.fx, self.fy)} and principal_point={_in_brackets(cx, cy)} put a "
+                f"corner of an image of shape {_in_brackets(height, width)} at {math.degrees(math.atan(farthest)):.4g} "
+                f"degrees from the optical axis, and no lens draws more than {_WIDEST_DEGREES:g}: all are in pixels of "
+                "this very image, not in millimetres; was it resized after the camera was calibrated?"
+            )
         x = (np.arange(width, dtype=np.float64) - cx) / self.fx
         y = ((np.arange(height, dtype=np.float64) - cy) / self.fy)[:, None]
         return PixelGrid(x, y, 1 / self.fx, 1 / self.fy)
+
+    def warn_if_off_image(self, shape: tuple[int, int]) -> None:
+        """Warn where the principal point lies outside an image of shape (height, width): for a crop, or by a slip."""
+        height, width = shape
+        cx, cy = self.centre(shape)
+        if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+            warn(
+                f"principal_point={_in_brackets(cx, cy)} lies outside the image of shape {shape}: right for a part "
+                "that was cut out of a photo, whose optical axis it keeps. Otherwise, it is (column, row) in pixels of "
+                "this very image: was it resized after the camera was calibrated?"
+            )
 
     def centre(self, shape: tuple[int, int]) -> tuple[float, float]:
         """The principal point in an image of shape (height, width): as given, or else the middle."""
@@ -178,13 +194,14 @@ class Camera:
             When `image_shape` is not an image's.
         """
         _, width = _image_shape(image_shape)
-        angle = _finite_numbers(horizontal_degrees)
+        angle = finite_numbers(horizontal_degrees)
         if angle is None or len(angle) != 1 or not 0 < angle[0] < 180:
             raise CameraError(
-                f"A horizontal field of view of {horizontal_degrees!r} degrees is impossible: give an angle "
+                f"A horizontal field of view of {brief(horizontal_degrees)} degrees is impossible: give an angle "
                 "between 0 and 180. Common cameras have 30 to 80."
             )
-        return cls(width / 2 / math.tan(math.radians(angle[0]) / 2), principal_point)
+        # The least tangent only keeps the quotient a number; so long a focal length is refused.
+        return cls(width / 2 / max(math.tan(math.radians(angle[0]) / 2), _LEAST_TANGENT), principal_point)
 
     @classmethod
     def from_exif(cls, path: FilePath) -> Camera:
@@ -243,11 +260,11 @@ class Camera:
             more than a millionth of the focal length, or another last row.
         """
         try:
-            k = np.asarray(matrix)
-        except ValueError:
+            k = as_array("matrix", matrix)
+        except InputError:
             k = np.empty(0)
         if k.shape != (3, 3) or k.dtype.kind not in "iuf" or not np.isfinite(k).all():
-            raise CameraError(f"The camera matrix {matrix!r} is impossible: give 3×3 finite numbers.")
+            raise CameraError(f"The camera matrix {brief(matrix)} is impossible: give 3×3 finite numbers.")
         if not np.allclose(k[2], (0, 0, 1), rtol=0, atol=1e-6):
             raise CameraError(f"The camera matrix ends in {k[2].tolist()}, not in [0, 0, 1]: divide it by K[2, 2].")
         if max(abs(k[0, 1]), abs(k[1, 0])) > 1e-6 * abs(k[0, 0]):
@@ -282,11 +299,10 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
         by_film = film * math.hypot(*size) / _FILM_DIAGONAL
         _require_view(path, f"FocalLengthIn35mmFilm = {film:g}", by_film, size)
         if by_sensor and abs(math.log(by_sensor / by_film)) > math.log(_AGREEMENT):
-            warnings.warn(
+            warn(
                 f"The EXIF data of {path} disagree: by FocalLengthIn35mmFilm the focal length is {by_film:.5g} pixels, "
                 f"by FocalLength and FocalPlaneXResolution {by_sensor:.5g}. The first is taken. If the photo was "
                 "resized or cropped, give focal_length, in pixels.",
-                stacklevel=3,
             )
         return by_film, "FocalLengthIn35mmFilm"
     if not (length and resolution and unit):
@@ -317,11 +333,10 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
     if not doubt and size[0] * size[1] < _SMALL and sorted(taken) == sorted(size):
         doubt = f"the photo is as small as its EXIF data say, {size[0]} × {size[1]} pixels"
     if doubt:
-        warnings.warn(
+        warn(
             f"By {what} the sensor of {path} is {sensor:.2g} mm wide behind a lens of {length:g} mm, a view of "
             f"{view:.1f}° along the longer side; but {doubt}, so that an editor may have resized it without mending "
             "FocalPlaneXResolution. Check these numbers, or give focal_length, in pixels.",
-            stacklevel=3,
         )
     return by_sensor, "FocalLength and FocalPlaneXResolution"
 
@@ -363,21 +378,14 @@ def _editor(tags: Mapping[str, Any]) -> str:
     return ""
 
 
-def _finite_numbers(value: object) -> tuple[float, ...] | None:
-    """The numbers in a scalar or a flat sequence, or None when it is neither, or one is not finite."""
-    try:
-        numbers = np.atleast_1d(np.asarray(value))
-    except ValueError:
-        return None
-    if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or numbers.size == 0:
-        return None
-    return tuple(numbers.tolist()) if np.isfinite(numbers).all() else None
+def _in_brackets(one: float, other: float) -> str:
+    return f"({one:.10g}, {other:.10g})"
 
 
 def _image_shape(shape: tuple[int, ...]) -> tuple[int, int]:
-    sizes = _finite_numbers(shape)
+    sizes = finite_numbers(shape)
     if sizes is None or len(sizes) != 2 or min(sizes) < 1 or any(size % 1 for size in sizes):
-        raise InputError(f"Image shape {shape!r} is impossible: give (height, width) in whole pixels.")
+        raise InputError(f"Image shape {brief(shape)} is impossible: give (height, width) in whole pixels.")
     return int(sizes[0]), int(sizes[1])
 
 

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from persfs_cl.checks import warn
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.files import FilePath
 
@@ -77,10 +78,9 @@ def decoding(path: FilePath, failure: str = "is broken or not supported") -> Ite
     remarks = [_sentence(remark) for remark in dict.fromkeys(said) if not any(idle in remark for idle in _IDLE)]
     if remarks:
         more = f", and {len(remarks) - 1} more" if len(remarks) > 1 else ""
-        warnings.warn(
+        warn(
             f"{path} was read, but is damaged or odd ({remarks[0]}{more}): look at what came of it, or save or copy it "
             "again.",
-            stacklevel=4,
         )
 
 

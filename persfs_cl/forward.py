@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -12,6 +14,7 @@ from persfs_cl._cl import launches
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
+from persfs_cl.checks import as_floats, as_mask, brief
 from persfs_cl.choices import Precision
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.errors import InputError
@@ -19,7 +22,10 @@ from persfs_cl.light import FlashLight, Light, ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.problem import require_albedo
 from persfs_cl.reflectance import Lambertian, Reflectance
-from persfs_cl.surface import Cuts, log_depth_gradient
+from persfs_cl.surface import Cuts, depth_array, log_depth_gradient
+
+_MOST_POWER = 300.0
+"""Of ten, in a brightness: beyond, double precision ends."""
 
 
 def render(
@@ -63,7 +69,8 @@ def render(
     Raises
     ------
     InputError
-        When the depth is not a positive 2-D array, or the mask, the albedo or the cuts do not fit it.
+        When the depth is not a 2-D array of values from 1e-30 to 1e30, or the mask, the albedo or the cuts do not fit
+        it, or the lamp lies on it.
     DeviceError
         When the device does not exist or lacks the precision.
 
@@ -73,41 +80,32 @@ def render(
     """
     model = Model.of(light, reflectance)
     if not isinstance(camera, Camera):
-        raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
-    if precision not in get_args(Precision):
-        raise InputError(f"precision={precision!r} is not a choice: use one of {', '.join(get_args(Precision))}.")
-    try:
-        values = np.asarray(depth, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"depth is no array of numbers ({error}).") from error
-    if values.ndim != 2 or values.size == 0:
-        raise InputError(f"depth has shape {values.shape}: give a (height, width) array.")
-    if np.isinf(values).any():
-        raise InputError(
-            f"depth holds {int(np.isinf(values).sum())} infinite values: use NaN where there is no surface."
-        )
-    present = ~np.isnan(values)
+        raise InputError(f"camera={brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+    if not isinstance(precision, str) or precision not in get_args(Precision):
+        raise InputError(f"precision={brief(precision)} is not a choice: use one of {', '.join(get_args(Precision))}.")
+    values = as_floats("depth", depth)
     if mask is not None:
-        chosen = np.asarray(mask)
-        if chosen.dtype != bool or chosen.shape != values.shape:
-            raise InputError(
-                f"mask is {chosen.dtype} of shape {chosen.shape}: give bool, of the depth's shape {values.shape}."
-            )
-        present = present & chosen
+        values = np.where(as_mask("mask", mask, values.shape, whose="depth"), values, np.nan)
+    values = depth_array(values)
+    present = ~np.isnan(values)
     if not present.any():
         raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
-    if (lowest := float(values[present].min())) <= 0:
-        raise InputError(f"depth goes down to {lowest:g}: depths are distances along the optical axis and positive.")
     reflecting = None if albedo is None else require_albedo(albedo, present)
     if cuts is not None:
+        if not isinstance(cuts, Cuts):
+            raise InputError(f"cuts={brief(cuts)} is none: give Solution.cuts, or persfs_cl.surface.Cuts.")
         cuts.check(values.shape)
-    grid = camera.grid((values.shape[0], values.shape[1]))
+    shape = values.shape[0], values.shape[1]
+    grid = camera.grid(shape)
+    camera.warn_if_off_image(shape)
     if isinstance(light, FlashLight) and not light.coaxial:
         # Not a kernel: done once an image, in double precision, by the formula that reconstruct() itself uses.
-        surface = np.where(present, values, np.nan)
-        p, q = log_depth_gradient(surface, camera, cuts)
-        lit = reference.brightness(np.log(surface), p, q, grid.x, grid.y, light, reflectance)
-        return lit if reflecting is None else lit * reflecting
+        p, q = log_depth_gradient(values, camera, cuts)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lit = reference.brightness(np.log(values), p, q, grid.x, grid.y, replace(light, gain=1.0), reflectance)
+        if within := int(np.count_nonzero(~np.isfinite(lit) & present)):
+            raise InputError(f"light={light!r} lies on the surface, at {within} pixels of the depth: move it away.")
+        return _with_gain(lit if reflecting is None else lit * reflecting, light, 0.0)
     log_depth = np.log(np.where(present, values, 1.0))
     # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.
     level = float(np.median(log_depth[present]))
@@ -124,11 +122,25 @@ def render(
         precision,
         log_depth,
         flags,
-        model.parameters(grid),
+        model.of_unit_gain.parameters(grid),
         grid.x,
         grid.y[:, 0],
     )
     brightness: NDArray[np.float64] = image.astype(np.float64)
-    if model.falls_off:
-        brightness *= np.exp(-2.0 * level)
-    return brightness if reflecting is None else brightness * reflecting
+    if reflecting is not None:
+        brightness *= reflecting
+    return _with_gain(brightness, light, -2.0 * level if model.falls_off else 0.0)
+
+
+def _with_gain(brightness: NDArray[np.float64], light: Light, log_scale: float) -> NDArray[np.float64]:
+    """The brightness under a flash of gain 1, or a parallel light, on the scale of the light's own and of a factor."""
+    if not isinstance(light, FlashLight):
+        return brightness
+    largest = float(np.nanmax(np.abs(brightness)))
+    power = (math.log(light.gain) + log_scale + math.log(largest)) / math.log(10.0) if largest > 0.0 else 0.0
+    if not abs(power) < _MOST_POWER:
+        raise InputError(
+            f"light={light!r} makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, or "
+            "the depth in that of the gain."
+        )
+    return brightness * math.exp(log_scale) * light.gain

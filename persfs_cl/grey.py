@@ -13,10 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.blocks import row_blocks
+from persfs_cl.checks import as_array, brief, finite_number, to_float64
 from persfs_cl.errors import InputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+_LARGEST = 1e100
+"""Of a number of an image: products of it with any other still have a double-precision number."""
 
 
 def decode_srgb(values: ArrayLike) -> Array:
@@ -204,7 +209,9 @@ def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentil
             f"{many} of the image is {darkest:g}: there is no shading in it. "
             "Give another image, or a mask that takes in more of it."
         )
-    return np.asarray(np.clip((values - darkest) / (brightest - darkest), 0.0, 1.0))
+    # What lies outside the mask may be anything.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.clip((values - darkest) / (brightest - darkest), 0.0, 1.0))
 
 
 def brightest_diffuse(image: ArrayLike, *, mask: ArrayLike | None = None, percentile: float = 99.5) -> float:
@@ -280,9 +287,11 @@ def normalise_linear(
         )
     if brightest is None:
         brightest = brightest_diffuse(values, mask=inside, percentile=percentile)
-    elif not (math.isfinite(brightest) and brightest > 0):
-        raise InputError(f"brightest={brightest!r} is not a brightness: give a finite number above 0.")
-    return np.asarray(np.clip(values / brightest, 0.0, 1.0))
+    elif not finite_number(brightest) > 0:
+        raise InputError(f"brightest={brief(brightest)} is not a brightness: give a finite number above 0.")
+    # What lies outside the mask may be anything.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.clip(values / brightest, 0.0, 1.0))
 
 
 def clip_highlights(
@@ -320,8 +329,8 @@ def clip_highlights(
     values, inside = checked(image, mask)
     if threshold is None:
         threshold = _percentile(values, inside, percentile)
-    elif not math.isfinite(threshold):
-        raise InputError(f"threshold={threshold!r} is not a brightness: give a finite number.")
+    elif math.isnan(finite_number(threshold)):
+        raise InputError(f"threshold={brief(threshold)} is not a brightness: give a finite number.")
     highlights = inside & (values > threshold)
     return np.where(highlights, threshold, values), highlights
 
@@ -347,34 +356,37 @@ def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
     InputError
         When one of the two is of another kind, or the mask selects no pixel.
     """
-    given = np.asarray(image)
+    given = as_array("image", image)
     if given.dtype.kind not in "iuf":
         raise InputError(f"The image holds {given.dtype}, not numbers: give an array of integers or floats.")
     if given.ndim != 2 or given.size == 0:
         raise InputError(f"The image has shape {given.shape}: give one grey image, (height, width).")
-    inside = np.ones(given.shape, dtype=np.bool_) if mask is None else np.asarray(mask)
+    inside = np.ones(given.shape, dtype=np.bool_) if mask is None else as_array("mask", mask)
     if inside.dtype != np.bool_:
         raise InputError(f"The mask holds {inside.dtype}, not bool: give mask > 0 or similar.")
     if inside.shape != given.shape:
         raise InputError(f"The mask has shape {inside.shape}, the image {given.shape}: make them the same.")
     if not inside.any():
         raise InputError("The mask selects no pixel: give one that is True where the image is to be used.")
-    values = given.astype(np.float64)
+    values = to_float64(given).copy()
     bad = np.count_nonzero(~np.isfinite(values[inside]))
     if bad:
         raise InputError(f"The image has {bad} NaN or infinite pixels: mask them out, or replace them.")
+    if (largest := float(np.abs(values[inside]).max())) > _LARGEST:
+        raise InputError(f"The image goes up to {largest:g}, of which sums overflow: divide it by its largest value.")
     return values, inside
 
 
 def _percentile(values: Array, inside: Mask, percentile: float) -> float:
-    if not 0 < percentile <= 100:
-        raise InputError(f"percentile={percentile!r} is impossible: give a number above 0, at most 100.")
-    return float(np.percentile(values[inside], percentile))
+    share = finite_number(percentile)
+    if not 0 < share <= 100:
+        raise InputError(f"percentile={brief(percentile)} is impossible: give a number above 0, at most 100.")
+    return float(np.percentile(values[inside], share))
 
 
 def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
     """One number a pixel, from one an image or one a pixel."""
-    values = np.asarray(given)
+    values = as_array(name, given)
     if values.dtype.kind not in "iuf" or values.shape not in ((), shape):
         raise InputError(
             f"The {name} is {values.dtype} of shape {values.shape}: give an array of numbers of the image's shape, "

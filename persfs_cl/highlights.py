@@ -6,13 +6,13 @@ far brighter than everything that it touches.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import as_array, brief, finite_number
 from persfs_cl.domain import connected
 from persfs_cl.errors import InputError
 from persfs_cl.grey import checked
@@ -61,12 +61,12 @@ def find_specular(
     values, inside = checked(image, mask)
     if (lowest := float(values[inside].min())) < 0:
         raise InputError(f"The image goes down to {lowest:g}: linear light cannot be negative. Clip it at 0.")
-    if not (math.isfinite(factor) and factor >= 1):
-        raise InputError(f"factor={factor!r} is impossible: give a finite number, 1 or more.")
+    if not finite_number(factor) >= 1:
+        raise InputError(f"factor={brief(factor)} is impossible: give a finite number, 1 or more.")
     if size is None:
         size = max(3, min(values.shape) // 10 | 1)
     elif isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
-        raise InputError(f"size={size!r} is not an odd number above 0: give the width in pixels that no spot has.")
+        raise InputError(f"size={brief(size)} is not an odd number above 0: give the width in pixels that no spot has.")
     # Outside there is nothing to see, and single precision finds the same pixels in half the time.
     rows, columns = _span(np.logical_or.reduce(inside, axis=1)), _span(np.logical_or.reduce(inside))
     within, light = inside[rows, columns], values[rows, columns].astype(np.float32)
@@ -98,11 +98,11 @@ def dilate(pixels: ArrayLike, radius: int) -> Mask:
     InputError
         When `pixels` is no image of bool, or `radius` is no whole number, 0 or more.
     """
-    given = np.asarray(pixels)
+    given = as_array("pixels", pixels)
     if given.dtype != np.bool_ or given.ndim != 2:
         raise InputError(f"The pixels are {given.dtype} of shape {given.shape}: give bool, (height, width).")
     if isinstance(radius, bool) or not isinstance(radius, (int, np.integer)) or radius < 0:
-        raise InputError(f"radius={radius!r} is impossible: give a whole number of pixels, 0 or more.")
+        raise InputError(f"radius={brief(radius)} is impossible: give a whole number of pixels, 0 or more.")
     return np.asarray(_extreme(given, 2 * int(radius) + 1, np.logical_or, False))
 
 
@@ -133,7 +133,7 @@ def fill_smoothly(image: ArrayLike, holes: ArrayLike, *, mask: ArrayLike | None 
         When `holes` is no array of bool of the image's shape, or `image` or `mask` cannot be used.
     """
     values, inside = checked(image, mask)
-    pixels = np.asarray(holes)
+    pixels = as_array("holes", holes)
     if pixels.dtype != np.bool_ or pixels.shape != values.shape:
         raise InputError(
             f"The holes are {pixels.dtype} of shape {pixels.shape}: give bool of the image's shape {values.shape}."

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import struct
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import warn
 from persfs_cl.decoding import decoding
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
@@ -763,10 +763,9 @@ def _require_shape(
             "make them the same size."
         )
     if turned and (orientation not in _ON_A_SIDE or shape[0] == shape[1]):
-        warnings.warn(
+        warn(
             f"The photo is read upright ({how}), and by its shape nobody can tell whether {path} was made for it so: "
             "make sure that it was, and not without turning the photo.",
-            stacklevel=4,
         )
 
 

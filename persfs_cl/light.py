@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
+from persfs_cl.checks import brief, finite_number, finite_numbers
 from persfs_cl.errors import InputError
 
 _STEEPEST = 1e3
@@ -42,7 +42,7 @@ class ParallelLight:
             number = finite_number(value)
             if not abs(number) <= _STEEPEST:
                 raise InputError(
-                    f"{name}={value!r} is not a light slope: give a finite number between -{_STEEPEST:g} and "
+                    f"{name}={brief(value)} is not a light slope: give a finite number between -{_STEEPEST:g} and "
                     f"{_STEEPEST:g}, 0 for a frontal light."
                 )
             object.__setattr__(self, name, number)
@@ -86,21 +86,21 @@ class FlashLight:
     def __post_init__(self) -> None:
         if not isinstance(self.falloff, (bool, np.bool_)):
             raise InputError(
-                f"falloff={self.falloff!r} is no choice: give True where light fades with the square of the distance, "
-                "or False."
+                f"falloff={brief(self.falloff)} is no choice: give True where light fades with the square of the "
+                "distance, or False."
             )
         gain = finite_number(self.gain)
         if not gain > 0:
             raise InputError(
-                f"gain={self.gain!r} is not a brightness: give a finite number above 0, the brightness of a white "
+                f"gain={brief(self.gain)} is not a brightness: give a finite number above 0, the brightness of a white "
                 "surface that faces the lamp at distance 1."
             )
         offset = self.offset
-        numbers = tuple(map(finite_number, offset)) if isinstance(offset, (Sequence, np.ndarray)) else ()
+        numbers = finite_numbers(offset) or ()
         if len(numbers) != 3 or not all(abs(number) <= _FARTHEST for number in numbers):
             raise InputError(
-                f"offset={offset!r} is not a place: give three numbers up to {_FARTHEST:g}, (right, down, forward) "
-                "from the optical centre in units of depth, (0, 0, 0) for a light at the camera."
+                f"offset={brief(offset)} is not a place: give three numbers up to {_FARTHEST:g}, (right, down, "
+                "forward) from the optical centre in units of depth, (0, 0, 0) for a light at the camera."
             )
         object.__setattr__(self, "falloff", bool(self.falloff))
         object.__setattr__(self, "gain", gain)
@@ -113,12 +113,3 @@ class FlashLight:
 
 
 Light: TypeAlias = ParallelLight | FlashLight
-
-
-def finite_number(value: object) -> float:
-    """`value` as a number; NaN when it is none, or not finite."""
-    try:
-        number = float(value)  # type: ignore[arg-type] # what is no number is caught
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
-    return number if math.isfinite(number) else math.nan

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import as_array, as_floats, brief
 from persfs_cl.errors import InputError
 
 Align = Literal["scale", "range"]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -60,17 +63,17 @@ def compare(
     ------
     InputError
         When an array does not hold numbers, ``mask`` is not bool, the shapes differ, no pixel is left, a compared value
-        is infinite, ``align`` is unknown, a value is not positive under ``"scale"``, or an array is constant under
-        ``"range"``.
+        is infinite, ``align`` is unknown, a value is not positive under ``"scale"``, an array is constant under
+        ``"range"``, or the arrays are so far apart that an error is no double-precision number.
     """
-    if align is not None and align not in get_args(Align):
-        raise InputError(f'align={align!r} is unknown: choose None, "scale" or "range".')
-    estimated, true = _numbers("estimate", estimate), _numbers("truth", truth)
+    if align is not None and not (isinstance(align, str) and align in get_args(Align)):
+        raise InputError(f'align={brief(align)} is unknown: choose None, "scale" or "range".')
+    estimated, true = as_floats("estimate", estimate), as_floats("truth", truth)
     if estimated.shape != true.shape:
         raise InputError(f"estimate has shape {estimated.shape} but truth has {true.shape}: give both the same shape.")
     compared = ~(np.isnan(estimated) | np.isnan(true))
     if mask is not None:
-        wanted = np.asarray(mask)
+        wanted = as_array("mask", mask)
         if wanted.dtype != np.bool_:
             raise InputError(f"mask holds {wanted.dtype}, not bool: give mask > 0 or similar.")
         if wanted.shape != true.shape:
@@ -88,6 +91,20 @@ def compare(
                 f"{name} is infinite at {np.isinf(values).sum()} compared pixels: use NaN for unknown values."
             )
 
+    # What overflows is found at the end, once for all.
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = _aligned_errors(estimated, true, align)
+    if not np.isfinite([errors.mean, errors.root_mean_square, errors.maximum, errors.median]).all():
+        largest = max(np.abs(values).max() for values in (estimated, true))
+        raise InputError(
+            f"estimate and truth, which go up to {largest:g}, are too far apart for double precision: give both in a "
+            "unit in which they are nearer to 1, or mask out the values that are none."
+        )
+    return errors
+
+
+def _aligned_errors(estimated: Array, true: Array, align: Align | None) -> Errors:
+    """The errors of values that can be compared; some are not finite where a number is too large."""
     if align == "scale":
         for name, values in (("estimate", estimated), ("truth", true)):
             if values.min() <= 0:
@@ -100,23 +117,17 @@ def compare(
         estimated, true = _to_unit_range("estimate", estimated), _to_unit_range("truth", true)
 
     difference = np.abs(estimated - true)
+    maximum = float(difference.max())
+    # A power of two, so that nothing is rounded, and squares neither overflow nor vanish.
+    unit = math.ldexp(1.0, min(math.frexp(maximum)[1], 1023)) if math.isfinite(maximum) and maximum else 1.0
+    shares = difference / unit
     return Errors(
-        mean=float(difference.mean()),
-        root_mean_square=float(np.sqrt(np.mean(difference**2))),
-        maximum=float(difference.max()),
+        mean=unit * float(shares.mean()),
+        root_mean_square=unit * float(np.sqrt(np.mean(shares**2))),
+        maximum=maximum,
         median=float(np.median(difference)),
         count=difference.size,
     )
-
-
-def _numbers(name: str, given: ArrayLike) -> NDArray[np.float64]:
-    try:
-        values = np.asarray(given)
-    except ValueError as error:
-        raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"{name} holds {values.dtype}, not numbers: give an array of floats.")
-    return values.astype(np.float64, copy=False)
 
 
 def _to_unit_range(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:

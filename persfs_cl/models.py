@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import PixelGrid
+from persfs_cl.checks import brief
 from persfs_cl.choices import Scheme
 from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -54,14 +55,15 @@ class Model:
         """
         if not isinstance(reflectance, (Lambertian, OrenNayar, Phong)):
             raise InputError(
-                f"reflectance={reflectance!r} is no known material: give Lambertian(), OrenNayar(...) or Phong(...)."
+                f"reflectance={brief(reflectance)} is no known material: give Lambertian(), OrenNayar(...) or "
+                "Phong(...)."
             )
         if isinstance(light, ParallelLight):
             if isinstance(reflectance, Lambertian):
                 return cls(light, reflectance, ("light_cone", "parallel_light"))
             return cls(light, reflectance, ("elementary", _MATERIAL_KERNELS[type(reflectance)], "parallel_material"))
         if not isinstance(light, FlashLight):
-            raise InputError(f"light={light!r} is no known light: give a ParallelLight or a FlashLight.")
+            raise InputError(f"light={brief(light)} is no known light: give a ParallelLight or a FlashLight.")
         if not (light.coaxial or light.falloff):
             raise InputError(
                 f"light={light!r} has no scheme here: a lamp without fall-off must be at the camera. Leave its "
@@ -97,6 +99,11 @@ class Model:
         if not isinstance(self.light, FlashLight):
             raise TypeError(f"{self.light!r} is no flash")
         return self.light
+
+    @property
+    def of_unit_gain(self) -> Model:
+        """The same with a gain of 1, where there is one, for the device: single precision may not reach another."""
+        return replace(self, light=replace(self.light, gain=1.0)) if isinstance(self.light, FlashLight) else self
 
     @property
     def beside_camera(self) -> bool:

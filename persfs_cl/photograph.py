@@ -7,16 +7,15 @@ fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.camera import Camera
+from persfs_cl.checks import as_array, brief, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.grey import (
     brightest_diffuse,
@@ -82,19 +81,20 @@ class Preparation:
     mean_filter: int = 1
 
     def __post_init__(self) -> None:
-        if self.highlights not in get_args(Highlights):
+        if not isinstance(self.highlights, str) or self.highlights not in get_args(Highlights):
             raise InputError(
-                f"highlights={self.highlights!r} is unknown: give one of {', '.join(get_args(Highlights))}."
+                f"highlights={brief(self.highlights)} is unknown: give one of {', '.join(get_args(Highlights))}."
             )
-        if np.ndim(self.vignetting) == 0 and self.vignetting not in ("none", "cos4"):
-            raise InputError(f"vignetting={self.vignetting!r} is unknown: give 'none', 'cos4' or an array.")
+        known = isinstance(self.vignetting, str) and self.vignetting in ("none", "cos4")
+        if not known and (isinstance(self.vignetting, str) or as_array("vignetting", self.vignetting).ndim == 0):
+            raise InputError(f"vignetting={brief(self.vignetting)} is unknown: give 'none', 'cos4' or an array.")
         for name in ("ambient", "saturation"):
             value = getattr(self, name)
-            if value is None or np.ndim(value):
+            if value is None or (name == "ambient" and not isinstance(value, str) and as_array(name, value).ndim):
                 continue
-            number = float(value) if isinstance(value, Real) else math.nan
-            if not (math.isfinite(number) and number >= 0):
-                raise InputError(f"{name}={value!r} is no brightness: give a finite number, 0 or more.")
+            number = finite_number(value)
+            if not number >= 0:
+                raise InputError(f"{name}={brief(value)} is no brightness: give a finite number, 0 or more.")
             object.__setattr__(self, name, number)
 
 
@@ -166,9 +166,11 @@ class PreparedPhoto:
             inside = self.light[self.mask]
             black, white = float(inside.min()), float(np.percentile(inside, percentile))
         elif how != "none":
-            raise InputError(f"how={how!r} is unknown: give one of {', '.join(get_args(Normalise))}.")
+            raise InputError(f"how={brief(how)} is unknown: give one of {', '.join(get_args(Normalise))}.")
         elif percentile is not None:
-            raise InputError(f"percentile={percentile!r} has no meaning where nothing is normalised: leave it out.")
+            raise InputError(
+                f"percentile={brief(percentile)} has no meaning where nothing is normalised: leave it out."
+            )
         unfiltered = np.clip((self.unfiltered - black) / (white - black), 0.0, 1.0)
         report = {
             "normalise": how,
@@ -232,6 +234,12 @@ def prepare_photo(
     >>> prepared = prepare_photo(photo, camera, Preparation(vignetting="cos4", highlights="fill"))
     >>> solution = reconstruct(prepared.normalised().image, camera, mask=prepared.mask)
     """
+    if not isinstance(photo, Photo):
+        raise InputError(f"photo={brief(photo)} is no Photo: give read_photo(path), or take the functions of grey.py.")
+    if not isinstance(preparation, Preparation):
+        raise InputError(f"preparation={brief(preparation)} is none: give Preparation(...), or leave it out.")
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera={brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
     for name, number in (("ambient", preparation.ambient), ("saturation", preparation.saturation)):
         if isinstance(number, float) and photo.white is not None and number > photo.white:
             raise InputError(
@@ -343,7 +351,7 @@ def _without_vignetting(light: Array, camera: Camera, vignetting: str | ArrayLik
         if vignetting == "none":
             return light
         return divide_vignetting(light, cos4_vignetting(camera, (inside.shape[0], inside.shape[1])), mask=inside)
-    share = np.asarray(vignetting)
+    share = as_array("vignetting", vignetting)
     flat = divide_vignetting(light, share, mask=inside)
     # Another exposure of the plate must not change the scale of the light, which a lamp's gain refers to.
     flat[inside] *= share.max(where=inside, initial=0)

@@ -1,15 +1,20 @@
 """Pictures for people: depth, normals, relief, comparison, confidence and convergence, each one PNG file.
 
-Every picture is drawn on a figure of its own with the Agg canvas: no display, no pyplot, no global state. Maps of more
-than 2000 pixels a side are drawn from 1000 to 2000 means of blocks of pixels, more than the figure has dots; scales and
-numbers are those of all pixels. The normal map alone has a pixel for each of the photograph.
+Every picture is drawn on a figure of its own with the Agg canvas and Matplotlib's own defaults: no display, no pyplot,
+no setting of the user's. Maps of more than 2000 pixels a side are drawn from 1000 to 2000 means of blocks of pixels,
+more than the figure has dots; scales and numbers are those of all pixels. The normal map alone has a pixel for each of
+the photograph.
 """
 
 from __future__ import annotations
 
+import logging
+import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -312,6 +317,7 @@ def confidence_picture(
     InputError
         When ``slope_error`` is NaN everywhere or no image, or a map of ``doubts`` has another shape.
     """
+    _matplotlib()
     from matplotlib.colors import ListedColormap, LogNorm
     from matplotlib.patches import Patch
     from matplotlib.ticker import LogFormatter
@@ -380,6 +386,8 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
     moved = values > 0
     with _figure(path, 6.4, 4.0) as figure:
         axes = figure.add_subplot()
+        # Matplotlib complains of limits of its own that come from one value alone.
+        axes.set_autoscaley_on(False)
         axes.semilogy(iterations[moved], values[moved], color="#31688e", marker="o", markersize=3.5, label="change")
         if tolerance > 0:
             axes.axhline(tolerance, color="#c44e52", linestyle="--", label=f"tolerance {tolerance:g}")
@@ -429,12 +437,43 @@ def _require_finite(name: str, values: Array) -> None:
 
 
 @contextmanager
+def matplotlib_defaults() -> Iterator[None]:
+    """Matplotlib as it comes: whatever MPLBACKEND and the user's matplotlibrc say plays no part in the block."""
+    matplotlib = _matplotlib()
+    # The backend, which no figure here asks for, would stay.
+    defaults = {name: value for name, value in matplotlib.rcParamsDefault.items() if name != "backend"}
+    with matplotlib.rc_context(defaults):
+        yield
+
+
+def _matplotlib() -> ModuleType:
+    """Matplotlib, which cannot be imported where MPLBACKEND is wrong, and complains of lines of a matplotlibrc."""
+    if "matplotlib" in sys.modules:
+        return sys.modules["matplotlib"]
+    backend = os.environ.pop("MPLBACKEND", None)
+    logger = logging.getLogger("matplotlib")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        import matplotlib as mpl
+    finally:
+        logger.setLevel(level)
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
+    if backend:
+        # For others in this process who draw, as the import would have done.
+        with suppress(ValueError):
+            mpl.rcParams["backend"] = backend
+    return mpl
+
+
+@contextmanager
 def _figure(path: FilePath, width: float, height: float, *, arrange: bool = True) -> Iterator[Figure]:
     """An empty figure of a size in inches; it becomes the PNG file when the block has drawn on it."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with _drawing, matplotlib_defaults():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
-    with _drawing:
         figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="compressed" if arrange else None)
         canvas = FigureCanvasAgg(figure)
         yield figure

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl import domain
+from persfs_cl import checks, domain
 from persfs_cl._cl.launches import Grid
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
@@ -19,11 +18,25 @@ from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.reflectance import Lambertian
-from persfs_cl.surface import Cuts
+from persfs_cl.surface import FARTHEST, NEAREST, Cuts
 from persfs_cl.walls import fill_walls
 
-_LARGEST = 700.0
-"""|ln z| beyond which z is no longer a float64."""
+_NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
+
+_MOST_RELIEF = 1e9
+"""Ratio of depths beyond which single precision no longer tells a step of the tolerance from none."""
+
+_LEAST_LIGHT, _MOST_LIGHT = 1e-100, 1e100
+"""What the brightest pixel may be under a flash, so that products of it have double-precision numbers."""
+
+_STEEPEST_GROUND = 30.0
+"""Degrees. A coin whose edge is bevelled has a median of 20 along its outline, a sphere 75 and more."""
+
+_FARTHEST_LAMP = 1e3
+"""A lamp that is so many times farther from the camera than from the surface leaves nothing of its relief."""
+
+_MOST_PIXELS = 2**30
+"""Indices within an array are computed in 32 bits here and there."""
 
 _BLACK = 1e-6
 """Share of the brightest value that even a black pixel is taken to have under a flash: less than any camera tells."""
@@ -123,7 +136,7 @@ class Problem:
             log_depth=self.start,
             brightness=self.shading,
             flags=self.domain.flags,
-            parameters=self.model.parameters(
+            parameters=self.model.of_unit_gain.parameters(
                 self.grid, scheme=self.scheme, sign=self.sign, max_slope=self.max_slope, unit=math.exp(self.level)
             ),
             x_axis=x_axis,
@@ -156,7 +169,7 @@ class Problem:
             block += self.level
             block *= self.sign
             block -= self.log_ray[rows]
-            block[~(solved[rows] & (np.abs(block) < _LARGEST))] = np.nan
+            block[~(solved[rows] & (block >= _NEAREST_LOG) & (block <= _FARTHEST_LOG))] = np.nan
             np.exp(block, out=depth[rows])
             np.log(self.known_depth[rows], out=block, where=known[rows])
             np.copyto(depth[rows], self.known_depth[rows], where=known[rows])
@@ -168,7 +181,10 @@ class Problem:
             return None
         known = self.known_depth[self.walls]
         cuts = fill_walls(log_depth, self.walls, self.image, np.log(known))
-        depth[self.walls] = np.where(np.isfinite(known), known, np.exp(log_depth[self.walls]))
+        filled = log_depth[self.walls]
+        filled[~((filled >= _NEAREST_LOG) & (filled <= _FARTHEST_LOG))] = np.nan
+        log_depth[self.walls] = filled
+        depth[self.walls] = np.where(np.isfinite(known), known, np.exp(filled))
         return cuts
 
     @property
@@ -225,14 +241,18 @@ def prepare(
     Warns
     -----
     UserWarning
-        When under a flash many pixels are as dark as what lies behind an object.
+        When under a flash many pixels are as dark as what lies behind an object; when z = 1 is assumed on the outline
+        of a mask that is no flat ground; when the principal point lies outside the image.
     """
     if not isinstance(camera, Camera):
-        raise InputError(f"camera={camera!r} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+        raise InputError(
+            f"camera={checks.brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...)."
+        )
     # A copy, so that the solution stays what it is whatever becomes of the user's array.
-    photograph = require_image(image).astype(np.float64, order="C")
+    photograph = np.array(checks.to_float64(require_image(image)), order="C")
     shape = photograph.shape
     grid = camera.grid(shape)
+    camera.warn_if_off_image(shape)
     wanted = np.ones(shape, bool) if mask is None else _require_mask("mask", mask, shape)
     barriers = None if walls is None else _require_mask("walls", walls, shape)
     if known_depth is None and model.at_camera and not model.falls_off:
@@ -256,25 +276,33 @@ def prepare(
     if albedo is not None:
         used = layout.known | layout.solved
         reflecting = require_albedo(albedo, used if on_walls is None else used | on_walls)
-    given = photograph if reflecting is None else photograph / reflecting
+    # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
+    if not (photograph.min() >= -_MOST_LIGHT and photograph.max() <= _MOST_LIGHT):
+        photograph[~layout.solved & ~(np.abs(photograph) <= _MOST_LIGHT)] = np.nan
+    with np.errstate(over="ignore"):
+        given = photograph if reflecting is None else photograph / reflecting
     name = "image" if reflecting is None else "image / albedo"
     _require_shading(given, layout.solved, model, model.brightest(grid), name)
+    if known_depth is None and not model.falls_off:
+        warn_of_steep_outline(given, wanted if barriers is None else wanted & ~barriers, wanted, model)
     if model.falls_off:
+        _require_unit(given, layout.solved, grid, model)
         _warn_of_background(given, layout.solved)
 
     sign = 1.0 if surface == "away" else -1.0
     log_ray = _log_of_ray(grid, model, scheme)
     known_values = sign * (np.log(depths[layout.known]) + log_ray[layout.known])
+    # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
+    beside_solved = np.concatenate(
+        [domain.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)]
+    )
+    _require_relief(depths[layout.known][beside_solved])
     first: NDArray[np.float64] | float
     if model.falls_off:
         shading, first, level = _at_unit_distance(given, layout.solved, grid, model, scheme)
         highest_known = np.inf
     else:
-        # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
-        beside_solved = [
-            domain.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)
-        ]
-        seen = known_values[np.concatenate(beside_solved)]
+        seen = known_values[beside_solved]
         level = float(seen.min())
         # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
         steps = np.count_nonzero(layout.solved) + 1
@@ -331,6 +359,8 @@ def _at_unit_distance(
     light = model.flash
     beside = model.beside_camera and scheme == "upwind"
     shading = np.maximum(image, _BLACK * _largest(image, solved))
+    # What is not solved may hold anything.
+    shading[~solved] = light.gain
     shading /= light.gain
     first = np.zeros_like(shading)
     for rows in row_blocks(shading.shape):
@@ -383,10 +413,7 @@ def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
     for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
         if hasattr(given, attribute):
             raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
-    try:
-        return np.asarray(given)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is no array ({error}): give numbers in rows of equal length.") from error
+    return checks.as_array(name, given)
 
 
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
@@ -400,6 +427,8 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
             f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
             "(grey levels of 8 bits: divide by 255)."
         )
+    if given.size > _MOST_PIXELS:
+        raise InputError(f"image has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
     return given
 
 
@@ -452,25 +481,81 @@ def _require_shading(
         )
 
 
+def _require_unit(brightness: NDArray[np.float64], solved: NDArray[np.bool_], grid: PixelGrid, model: Model) -> None:
+    """Refuse brightness and gain of a flash that put the surface where numbers end."""
+    brightest, light = _largest(brightness, solved), model.flash
+    if not _LEAST_LIGHT <= brightest <= _MOST_LIGHT:
+        raise InputError(
+            f"image goes up to {brightest:g} under light={light!r}: give a brightest value from {_LEAST_LIGHT:g} to "
+            f"{_MOST_LIGHT:g}, and the gain on the same scale."
+        )
+    returned = math.log(light.gain) + math.log(model.reflectance.brightest) - math.log(brightest)
+    reach, apart = math.exp(min(0.5 * returned, 500.0)), math.hypot(*light.offset)
+    if apart > _FARTHEST_LAMP * reach:
+        raise InputError(
+            f"light={light!r} is {apart:g} away from the camera, but the brightest pixel, {brightest:g}, tells of a "
+            f"surface at most {reach:g} from the lamp: give offset and gain in the same unit of depth."
+        )
+    ray = 1.0 + max(abs(grid.x[0]), abs(grid.x[-1])) ** 2 + max(abs(grid.y[0, 0]), abs(grid.y[-1, 0])) ** 2
+    nearest, farthest = 0.5 * (returned - math.log(ray)), 0.5 * (returned - math.log(_BLACK))
+    if nearest < _NEAREST_LOG or farthest > _FARTHEST_LOG:
+        power = 0.5 * returned / math.log(10.0)
+        raise InputError(
+            f"light={light!r} puts an image that goes up to {brightest:g} at a depth of 1e{power:+.0f} or so: give the "
+            f"gain, on the scale of the image, for a unit of depth in which the surface lies well between {NEAREST:g} "
+            f"and {FARTHEST:g}."
+        )
+
+
+def warn_of_steep_outline(
+    brightness: NDArray[np.float64], looked_at: NDArray[np.bool_], wanted: NDArray[np.bool_], model: Model
+) -> None:
+    """Warn where z = 1 is assumed along the outline of a mask that is no flat ground, as far as its brightness tells.
+
+    Flat ground facing the camera has the angle θ0 = acos(1 / k) to a parallel light. A pixel at the angle θ, by its
+    brightness beside that of the ground, is tilted by abs(θ - θ0) at least, whichever way. The frame of the image is
+    not looked at: the object goes on there.
+
+    Parameters
+    ----------
+    brightness : ndarray of float64, shape (height, width)
+    looked_at, wanted : ndarray of bool, shape (height, width)
+        Pixels whose brightness counts, and the mask.
+    model : Model
+        Under a parallel light.
+    """
+    light = model.light
+    if wanted.all() or not isinstance(light, ParallelLight):
+        return
+    outline = looked_at & domain.Neighbours.of(~wanted).any & np.isfinite(brightness)
+    if not outline.any():
+        return
+    ground = 1.0 / light.norm
+    relative = brightness[outline] / float(model.reflectance.shade(ground, 1.0, ground))
+    tilts = np.abs(np.arccos(np.clip(relative * ground, 0.0, 1.0)) - math.acos(ground))
+    tilt = math.degrees(float(np.median(tilts)))
+    if tilt > _STEEPEST_GROUND:
+        checks.warn(
+            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1, but by its "
+            f"brightness half of it is tilted by {tilt:.0f} degrees or more, as that of a round object. Then a flat "
+            "sheet, or the outline inflated like a balloon, is mostly nearer to the truth than this surface: give "
+            "known_depth, at the nearest points of the object say, or photograph with a flash."
+        )
+
+
 def _warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
     dim = _DARK * _largest(brightness, solved)
     dark = sum(np.count_nonzero(brightness[rows][solved[rows]] < dim) for rows in row_blocks(solved.shape))
     share = dark / np.count_nonzero(solved)
     if share > _DARK_SHARE:
-        warnings.warn(
+        checks.warn(
             f"{100 * share:.0f} % of the pixels to solve are darker than {100 * _DARK:g} % of the brightest, and "
-            "become a surface far away: if they are background or shadow, mask them out.",
-            stacklevel=6,
+            "become a surface far away: if they are background or shadow, mask them out."
         )
 
 
 def _require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    pixels = as_array(name, given)
-    if pixels.dtype != bool or pixels.shape != shape:
-        raise InputError(
-            f"{name} is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's shape {shape}."
-        )
-    return pixels
+    return checks.as_mask(name, as_array(name, given), shape)
 
 
 def _require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -482,14 +567,31 @@ def _require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[n
             "NaN where the depth is unknown."
         )
     known = ~np.isnan(depths)
-    values = depths[known]
+    values = checks.to_float64(depths[known])
     if values.size == 0:
         raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
     if infinite := np.count_nonzero(np.isinf(values)):
         raise InputError(f"known_depth holds {infinite} infinite values: use NaN for unknown.")
-    if values.min() <= 0:
+    nearest, farthest = float(values.min()), float(values.max())
+    if nearest <= 0:
         raise InputError(
-            f"known_depth goes down to {float(values.min()):g}: depths are distances along the optical axis "
+            f"known_depth goes down to {nearest:g}: depths are distances along the optical axis "
             "and positive; use NaN for unknown."
         )
-    return depths.astype(np.float64, copy=False), known
+    if nearest < NEAREST or farthest > FARTHEST:
+        value = nearest if nearest < NEAREST else farthest
+        raise InputError(
+            f"known_depth holds {value:g}: give depths from {NEAREST:g} to {FARTHEST:g}, in another unit if need be, "
+            "and NaN for unknown."
+        )
+    return checks.to_float64(depths), known
+
+
+def _require_relief(depths: NDArray[np.float64]) -> None:
+    """Refuse known depths, of those that the surface meets, that are too far apart for single precision."""
+    nearest, farthest = float(depths.min(initial=np.inf)), float(depths.max(initial=0.0))
+    if farthest > _MOST_RELIEF * nearest:
+        raise InputError(
+            f"known_depth goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of which the "
+            f"farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has no end."
+        )

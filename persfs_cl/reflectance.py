@@ -14,12 +14,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.checks import brief, finite_number
 from persfs_cl.errors import InputError
-from persfs_cl.light import finite_number
 
 Array = NDArray[np.float64]
 
 _SAMPLES = 100_001
+_STRONGEST, _SHINIEST = 1e12, 1e6
+"""A highlight of such an exponent is a tenth of a degree wide: with more, single precision loses it."""
 _MARGIN = 1.001
 """More than a smooth function can rise between its samples above the largest of them."""
 
@@ -131,7 +133,7 @@ class OrenNayar(Reflectance):
         roughness = finite_number(self.roughness)
         if not 0.0 <= roughness <= math.pi / 2:
             raise InputError(
-                f"roughness={self.roughness!r} is not an angle from 0 to π/2: give it in radians, 0 for a smooth "
+                f"roughness={brief(self.roughness)} is not an angle from 0 to π/2: give it in radians, 0 for a smooth "
                 "surface, 0.5 for a rough one."
             )
         object.__setattr__(self, "roughness", roughness)
@@ -189,11 +191,12 @@ class Phong(Reflectance):
     Parameters
     ----------
     diffuse : float
-        Brightness of the matt part face on, above 0.
+        Brightness of the matt part face on, from 1e-12 to 1e12.
     specular : float
-        Brightness of the highlight, at least 0. With ``diffuse + specular = 1`` the brightest value is 1.
+        Brightness of the highlight, from 0 to 1e12. With ``diffuse + specular = 1`` the
+        brightest value is 1.
     shininess : float
-        At least 1; the higher, the smaller the highlight.
+        From 1 to 1e6; the higher, the smaller the highlight.
 
     Raises
     ------
@@ -207,13 +210,18 @@ class Phong(Reflectance):
 
     def __post_init__(self) -> None:
         diffuse, specular, shininess = map(finite_number, (self.diffuse, self.specular, self.shininess))
-        if not diffuse > 0.0:
-            raise InputError(f"diffuse={self.diffuse!r} is no matt part: give a finite number above 0, such as 0.7.")
-        if not specular >= 0.0:
-            raise InputError(f"specular={self.specular!r} is no highlight: give a finite number, 0 for none.")
-        if not shininess >= 1.0:
+        if not 1.0 / _STRONGEST <= diffuse <= _STRONGEST:
             raise InputError(
-                f"shininess={self.shininess!r} is no exponent: give a finite number of at least 1, such as 10."
+                f"diffuse={brief(self.diffuse)} is no matt part: give a number from {1 / _STRONGEST:g} to "
+                f"{_STRONGEST:g}, such as 0.7."
+            )
+        if not 0.0 <= specular <= _STRONGEST:
+            raise InputError(
+                f"specular={brief(self.specular)} is no highlight: give a number from 0, for none, to {_STRONGEST:g}."
+            )
+        if not 1.0 <= shininess <= _SHINIEST:
+            raise InputError(
+                f"shininess={brief(self.shininess)} is no exponent: give a number from 1 to {_SHINIEST:g}, such as 10."
             )
         object.__setattr__(self, "diffuse", diffuse)
         object.__setattr__(self, "specular", specular)

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.checks import brief, finite_number
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.light import Light, ParallelLight
@@ -118,16 +119,18 @@ class Photograph:
 
     def __post_init__(self) -> None:
         if not isinstance(self.light, Light):
-            raise InputError(f"light={self.light!r} is no light: give a ParallelLight or a FlashLight.")
+            raise InputError(f"light={brief(self.light)} is no light: give a ParallelLight or a FlashLight.")
         if not isinstance(self.reflectance, Reflectance):
-            raise InputError(f"reflectance={self.reflectance!r} is no material: give Lambertian(), OrenNayar or Phong.")
+            raise InputError(
+                f"reflectance={brief(self.reflectance)} is no material: give Lambertian(), OrenNayar or Phong."
+            )
         if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
-            raise InputError(f"bits={self.bits!r} is no quantisation: give 1 to 32, or None for unquantised.")
+            raise InputError(f"bits={brief(self.bits)} is no quantisation: give 1 to 32, or None for unquantised.")
         check_finite("noise", self.noise)
         if self.noise < 0:
-            raise InputError(f"noise={self.noise!r} is below 0: give a share of the brightest value, 0 for none.")
+            raise InputError(f"noise={brief(self.noise)} is below 0: give a share of the brightest value, 0 for none.")
         if not (_is_whole(self.seed) and self.seed >= 0):
-            raise InputError(f"seed={self.seed!r} starts no random numbers: give a whole number of at least 0.")
+            raise InputError(f"seed={brief(self.seed)} starts no random numbers: give a whole number of at least 0.")
 
     @property
     def tilt(self) -> tuple[float, float]:
@@ -144,7 +147,7 @@ class Photograph:
         exact = brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.light, self.reflectance)
         image = self._in_range(exact)
         if not image.any():
-            raise InputError(f"light={self.light!r} lights nothing that the camera sees: move it to the camera.")
+            raise InputError(f"light={brief(self.light)} lights nothing that the camera sees: move it to the camera.")
         if self.noise:
             spread = self.noise * self._white(image)
             image = self._in_range(image + np.random.default_rng(self.seed).normal(scale=spread, size=image.shape))
@@ -228,7 +231,7 @@ def vase(
     sign = 1.0 if surface == "away" else -1.0
     depth = offset + sign * bulge
     if depth.min() <= 0:
-        raise InputError(f"offset={offset!r} puts the vase behind the camera: give more than {bulge.max():.3g}.")
+        raise InputError(f"offset={brief(offset)} puts the vase behind the camera: give more than {bulge.max():.3g}.")
     scale = np.divide(sign, bulge * depth, out=np.zeros_like(depth), where=inside)
     # v points up and y down, hence the opposite signs.
     p, q = -u * scale, -radius * radius_slope * scale
@@ -419,9 +422,9 @@ def hillside(
     fall_right, fall_down = -0.4 * unit**2, 0.25 * unit**2
     plane = 1 + fall_right * right + fall_down * down
     if plane.min() <= 0:
-        raise InputError(f"focal_length={focal_length!r} gives a view that looks past the slope: give more.")
+        raise InputError(f"focal_length={brief(focal_length)} gives a view that looks past the slope: give more.")
     if value.min() <= -1:
-        raise InputError(f"relief={relief!r} takes the surface behind the camera: give less.")
+        raise InputError(f"relief={brief(relief)} takes the surface behind the camera: give less.")
     slope_right = -8 * (right - 0.3) * value / (1 + value) - fall_right / plane
     slope_down = -8 * (down + 0.2) * value / (1 + value) - fall_down / plane
     p, q = (cosine * slope_right + sine * slope_down) / unit, (cosine * slope_down - sine * slope_right) / unit
@@ -490,7 +493,7 @@ def sphere_cap(
     reach = math.hypot(*centre) + radius
     if reach >= 1:
         raise InputError(
-            f"radius={radius!r} around centre={centre!r} reaches {reach:.3g} of the way to the edge of the"
+            f"radius={brief(radius)} around centre={brief(centre)} reaches {reach:.3g} of the way to the edge of the"
             " image: keep it below 1."
         )
     base = radius * unit
@@ -498,7 +501,7 @@ def sphere_cap(
     steepest = base * math.tan((math.pi / 2 - math.atan(reach * unit)) / 2)
     if relief >= min(steepest, 1.0):
         raise InputError(
-            f"relief={relief!r} inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
+            f"relief={brief(relief)} inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
             f" seen all round: give less than {min(steepest, 1.0):.3g}."
         )
     cosine, sine = _turn(orientation)
@@ -559,7 +562,7 @@ def _framed(
     signed_relief = relief if surface == "away" else -relief
     depth = 1 + signed_relief * window_x * window_y * value
     if depth.min() <= 0:
-        raise InputError(f"relief={relief!r} takes the surface behind the camera: give less.")
+        raise InputError(f"relief={brief(relief)} takes the surface behind the camera: give less.")
     p = signed_relief * window_y * (window_x * slope_x - 2 * grid.x / half_width**2 * value) / depth
     q = signed_relief * window_x * (window_y * slope_y - 2 * grid.y / half_height**2 * value) / depth
     return _scene(name, camera, photograph, surface, depth, (p, q))
@@ -615,7 +618,7 @@ def _turn(orientation: float) -> tuple[float, float]:
 def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
     sides = tuple(shape) if isinstance(shape, Sequence) else ()
     if len(sides) != 2 or not all(isinstance(side, Integral) and side >= 3 for side in sides):
-        raise InputError(f"shape={shape!r} is no image size: give (height, width), both whole and at least 3.")
+        raise InputError(f"shape={brief(shape)} is no image size: give (height, width), both whole and at least 3.")
     return sides[0], sides[1]
 
 
@@ -625,18 +628,18 @@ def _is_whole(value: object) -> bool:
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """InputError when the value of an argument is none of the choices."""
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         listed = " or ".join(f'"{choice}"' for choice in choices)
-        raise InputError(f"{name}={value!r} is unknown: choose {listed}.")
+        raise InputError(f"{name}={brief(value)} is unknown: choose {listed}.")
 
 
 def check_finite(name: str, *values: float) -> None:
     """InputError when an argument is no number, or not finite."""
-    if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
-        raise InputError(f"{name}={values if len(values) > 1 else values[0]!r} is not finite: give numbers.")
+    if any(math.isnan(finite_number(value)) for value in values):
+        raise InputError(f"{name}={brief(values if len(values) > 1 else values[0])} is not finite: give numbers.")
 
 
 def check_positive(name: str, value: float) -> None:
     """InputError when an argument is no finite number above 0."""
-    if not (isinstance(value, Real) and math.isfinite(value) and value > 0):
-        raise InputError(f"{name}={value!r} is not a length: give a finite number above 0.")
+    if not finite_number(value) > 0:
+        raise InputError(f"{name}={brief(value)} is not a length: give a finite number above 0.")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 import json
+import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +19,7 @@ from persfs_cl import forward, images, metrics, pictures, surface
 from persfs_cl._cl.device import Device
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
+from persfs_cl.checks import as_array, as_floats, brief, warn
 from persfs_cl.confidence import Confidence, slope_error
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, filling
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Doubts = Mapping[str, Mask]
+
+_BRIGHTEST = 1e100
+"""More than any brightness; what is multiplied by it still has a double-precision number."""
 
 
 class Status(enum.Enum):
@@ -155,7 +160,9 @@ class Solution:
         if isinstance(self.light, ParallelLight):
             return 1.0
         used = self.solved if self.walls is None else self.solved & ~self.walls
-        return float(self.image[used].max()) if used.any() else 1.0
+        # Of known pixels the brightness may be anything, or black where a run was ended early.
+        brightest = float(np.fmax.reduce(self.image[used], initial=0.0))
+        return brightest if brightest * _BRIGHTEST >= 1.0 else 1.0
 
     def render(self) -> Array:
         """The surface photographed again under its own light, eq. (6); NaN where not solved."""
@@ -177,8 +184,18 @@ class Solution:
         photo : ndarray of float, shape (height, width), optional
             Compare with this image, on the same scale, such as the photograph before smoothing, instead of with the
             prepared :attr:`image`.
+
+        Raises
+        ------
+        InputError
+            When it holds no numbers, or is not of the image's shape.
         """
-        return self._grey_errors(self.render(), self.image if photo is None else photo)
+        given = self.image if photo is None else as_floats("photo", photo)
+        if given.shape != self.image.shape:
+            raise InputError(f"photo has shape {given.shape}: give one of the image's shape {self.image.shape}.")
+        if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
+            raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
+        return self._grey_errors(self.render(), given)
 
     def _grey_errors(self, rendered: Array, given: Array) -> metrics.Errors:
         grey = 255.0 / self.white
@@ -203,12 +220,14 @@ class Solution:
         Raises
         ------
         InputError
-            When a map is not of bool, or not of the image's shape.
+            When `doubts` is no mapping, or a map is not of bool, or not of the image's shape.
         """
         return self._confidence(self.normals(), doubts)
 
     def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
-        given = {reason: np.asarray(pixels) for reason, pixels in (doubts or {}).items()}
+        if doubts is not None and not isinstance(doubts, Mapping):
+            raise InputError(f"doubts={brief(doubts)} is no mapping: give maps of bool by the reason for doubt.")
+        given = {reason: as_array(f"doubts[{reason!r}]", pixels) for reason, pixels in (doubts or {}).items()}
         for reason, pixels in given.items():
             if pixels.dtype != bool or pixels.shape != self.depth.shape:
                 raise InputError(
@@ -257,11 +276,7 @@ class Solution:
                 "walls": 0 if self.walls is None else int(self.walls.sum()),
                 "walls_solved": 0 if self.walls is None else int((self.walls & self.solved).sum()),
             },
-            "depth": {
-                "min": float(np.nanmin(self.depth)),
-                "median": float(np.nanmedian(self.depth)),
-                "max": float(np.nanmax(self.depth)),
-            },
+            "depth": _extremes(self.depth[self.solved]),
             "grey_levels": {
                 "compared_with": "the prepared image",
                 "mean_error": grey.mean,
@@ -310,7 +325,7 @@ class Solution:
             (picture of the depth), ``.ply``, ``.obj``, ``.stl``, ``.glb`` (mesh), ``.json`` (report). A name
             without a suffix, or of a folder that exists, is a folder, made if needed, that receives depth.npy,
             depth.tiff, depth.png, normals.png, relief.png, mesh.ply, rendered.png, comparison.png, confidence.png,
-            convergence.png and report.json.
+            convergence.png and report.json. A picture that cannot be drawn is left out, with a warning.
         colour : ndarray of uint8, optional
             Vertex colours of the mesh, as for :meth:`mesh`.
         report : mapping, optional
@@ -334,9 +349,9 @@ class Solution:
         if target.suffix and not folder and not target.is_dir():
             self._write(target, colour, report, doubts)
             return [target]
-        names = ("depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json")
+        names = ("depth.npy", "depth.tiff", "mesh.ply", "report.json")
         with filling(target) as temporary:
-            for name in names[:3]:
+            for name in names[:2]:
                 self._write(temporary / name, colour, report, doubts)
             # Once for the report and all pictures: in a large photograph these take more memory than all the rest.
             normals, rendered = self.normals(), self.render()
@@ -377,29 +392,63 @@ class Solution:
             )
 
     def _draw(self, folder: Path, normals: Array, rendered: Array, confidence: Confidence) -> list[str]:
-        """Names of the pictures drawn."""
+        """Names of the pictures drawn; one that cannot be is left out, with a warning, for nothing depends on it."""
         white = self.white
-        pictures.normals_picture(folder / "normals.png", normals)
-        pictures.relief_picture(
-            folder / "relief.png",
-            self.depth,
-            self.camera,
-            self.image,
-            unit=self._unit,
-            white=white,
-            cuts=self.cuts,
-            normals=normals,
-        )
-        images.write_grey(folder / "rendered.png", rendered / white)
-        pictures.comparison_picture(
-            folder / "comparison.png", self.image, rendered, white=white, photo_title="Prepared photograph"
-        )
-        pictures.confidence_picture(folder / "confidence.png", confidence.slope_error, confidence.doubts)
-        pictures.convergence_picture(folder / "convergence.png", self.changes, self.parameters["tolerance"])
-        return [f"{name}.png" for name in ("normals", "relief", "rendered", "comparison", "confidence", "convergence")]
+        drawings: dict[str, Callable[[Path], None]] = {
+            "depth": lambda path: pictures.depth_picture(path, self.depth, unit=self._unit),
+            "normals": lambda path: pictures.normals_picture(path, normals),
+            "relief": lambda path: pictures.relief_picture(
+                path,
+                self.depth,
+                self.camera,
+                self.image,
+                unit=self._unit,
+                white=white,
+                cuts=self.cuts,
+                normals=normals,
+            ),
+            "rendered": lambda path: images.write_grey(path, rendered / white),
+            "comparison": lambda path: pictures.comparison_picture(
+                path, self.image, rendered, white=white, photo_title="Prepared photograph"
+            ),
+            "confidence": lambda path: pictures.confidence_picture(path, confidence.slope_error, confidence.doubts),
+            "convergence": lambda path: pictures.convergence_picture(path, self.changes, self.parameters["tolerance"]),
+        }
+        drawn = []
+        for name, draw in drawings.items():
+            file = f"{name}.png"
+            try:
+                draw(folder / file)
+            except Exception as error:  # whatever a library that draws raises
+                # A full disk has room for no other file either: the user chooses another.
+                if isinstance(error.__cause__, OSError):
+                    raise
+                warn(
+                    f"{file} could not be drawn ({type(error).__name__}: {' '.join(str(error).split())}): depth, mesh, "
+                    "report and other pictures are complete without it."
+                )
+            else:
+                drawn.append(file)
+        return drawn
+
+
+def _extremes(values: Array) -> dict[str, float | None]:
+    if values.size == 0:
+        return dict.fromkeys(("min", "median", "max"))
+    return {"min": float(values.min()), "median": float(np.median(values)), "max": float(values.max())}
 
 
 def _write_json(target: Path, *entries: Mapping[str, Any] | None) -> None:
-    text = json.dumps({name: value for some in entries for name, value in (some or {}).items()}, indent=2)
+    merged = {name: value for some in entries for name, value in (some or {}).items()}
+    text = json.dumps(_plain(merged), indent=2, allow_nan=False)
     with atomic_path(target) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """The same with null for numbers that JSON has not."""
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
+from persfs_cl.checks import brief, finite_number, warn
 from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.light import FlashLight, Light, ParallelLight
@@ -26,6 +26,7 @@ from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare, require_image
 from persfs_cl.reflectance import Lambertian, Reflectance
 from persfs_cl.solution import Elapsed, Solution, Status
+from persfs_cl.surface import FARTHEST, NEAREST
 
 Callback = Callable[[int, float], bool | None]
 _Surface = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -41,6 +42,7 @@ _CHOICES = {
 _MAX_SLOPE = 30.0
 _MAX_SLOPE_UPWIND = 5.0
 _STEEPEST = 1e6
+_MOST_ITERATIONS = 10**9
 
 _FREE_CORRECTIONS = 40
 """Iterations of second order in which values may rise, at least."""
@@ -97,8 +99,9 @@ def reconstruct(
         True where the surface may jump: nothing propagates across these pixels. After the solve each gets its depth
         from the side that it belongs to, see :attr:`Solution.cuts`.
     known_depth : array_like of float, shape (height, width), optional
-        Depths z > 0 that are kept exactly, NaN where unknown; inside the mask or beside it. When not given, with a
-        parallel light the edge of the image or mask has z = 1 (the paper's zero boundary conditions); with a flash
+        Depths that are kept exactly, from 1e-30 to 1e30 and at most a factor of 1e9 apart; NaN where unknown; inside
+        the mask or beside it. When not given, with a parallel light the edge of the image or mask has z = 1 (the
+        paper's zero boundary conditions), with a warning where a mask's outline is no flat ground; with a flash
         nothing is known, and without its fall-off some depth must be given.
     albedo : array_like of float, shape (height, width), optional
         Share of light in (0, 1] that the surface returns at each pixel, by which the image is divided; 1 if not given.
@@ -148,7 +151,7 @@ def reconstruct(
     InputError
         When an array or option cannot be used; the message says which, its value, and the remedy.
     CameraError
-        When the principal point is far outside the image.
+        When the ray of a pixel lies more than 85 degrees from the optical axis.
     DeviceError
         When no device fits, or it lacks the precision or the memory.
     ConvergenceError
@@ -241,7 +244,9 @@ def reconstruct_batch(
     options = options.resolved(model, scheme)
     slope = float(options.max_slope or _MAX_SLOPE)
     if callback is not None and not callable(callback):
-        raise InputError(f"callback={callback!r} cannot be called: give a function of iteration and change.")
+        raise InputError(f"callback={brief(callback)} cannot be called: give a function of iteration and change.")
+    if not isinstance(throw, (bool, np.bool_)):
+        raise InputError(f"throw={brief(throw)} is no choice: give True or False.")
     given = _entries("images", images)
     count = len(given)
     lists = {
@@ -263,6 +268,10 @@ def reconstruct_batch(
             yield
         except (InputError, CameraError) as error:
             raise type(error)(f"images[{number}]: {error}" if count > 1 else str(error)) from None
+        except MemoryError as error:
+            raise InputError(
+                f"images[{number}] does not fit into memory ({brief(error)}): reduce its size, or cut out a part."
+            ) from error
 
     def prepared(number: int) -> Problem:
         with naming(number):
@@ -291,8 +300,10 @@ def reconstruct_batch(
         rounds = None
         if lamp.in_rounds(model, scheme):
             rounds = _correct_photographs(chosen, problems, results, run, options, watch)
-        for problem, (_, depth) in zip(problems, results, strict=True):
+        for problem, (_, depth), status in zip(problems, results, run.statuses, strict=True):
             _warn_if_too_near(problem, depth)
+            if status is Status.CONVERGED:
+                _warn_if_lost(problem, depth)
         cuts = [problem.continue_onto_walls(*result) for problem, result in zip(problems, results, strict=True)]
         clamped = [problem.degenerate for problem in problems]
         share = 1.0 / len(members)
@@ -328,7 +339,7 @@ def reconstruct_batch(
     finished = [solution for solution in solutions if solution is not None]
     if throw:
         for number, solution in enumerate(finished):
-            _require_convergence(solution, f"images[{number}]: " if count > 1 else "", tolerance)
+            _require_convergence(solution, f"images[{number}]: " if count > 1 else "", options.tolerance)
     return finished
 
 
@@ -341,8 +352,8 @@ def _entries(name: str, given: Any) -> list[Any]:
         )
     try:
         return list(given)
-    except TypeError as error:
-        raise InputError(f"{name}={given!r} is no list: give one entry an image.") from error
+    except Exception as error:  # an object may raise anything
+        raise InputError(f"{name}={brief(given)} is no list: give one entry an image.") from error
 
 
 @dataclass(frozen=True)
@@ -367,21 +378,26 @@ class Options:
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
-            if (value := getattr(self, name)) not in choices:
-                raise InputError(f"{name}={value!r} is not a choice: use one of {', '.join(choices)}.")
-        if self.accuracy_order not in (1, 2) or isinstance(self.accuracy_order, bool):
-            raise InputError(f"accuracy_order={self.accuracy_order!r}: the schemes are of order 1 or 2.")
+            if not isinstance(value := getattr(self, name), str) or value not in choices:
+                raise InputError(f"{name}={brief(value)} is not a choice: use one of {', '.join(choices)}.")
+        if finite_number(self.accuracy_order) not in (1.0, 2.0):
+            raise InputError(f"accuracy_order={brief(self.accuracy_order)}: the schemes are of order 1 or 2.")
         count = self.max_iterations
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise InputError(f"max_iterations={count!r}: give a whole number, at least 1.")
-        _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= _MOST_ITERATIONS:
+            raise InputError(
+                f"max_iterations={brief(count)}: give a whole number, at least 1 and at most {_MOST_ITERATIONS}."
+            )
+        tolerance = _require_number("tolerance", self.tolerance, lowest=0.0, inclusive=True)
+        # Plain numbers, whatever type they came in: comparisons of short ones overflow.
+        object.__setattr__(self, "tolerance", tolerance)
         if self.max_slope is not None:
-            _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
-            if self.max_slope > _STEEPEST:
+            slope = _require_number("max_slope", self.max_slope, lowest=0.0, inclusive=False)
+            if slope > _STEEPEST:
                 raise InputError(
-                    f"max_slope={self.max_slope!r} is no bound: 30 is a surface seen at 2 degrees from grazing. "
+                    f"max_slope={brief(self.max_slope)} is no bound: 30 is a surface seen at 2 degrees from grazing. "
                     f"Give at most {_STEEPEST:g}."
                 )
+            object.__setattr__(self, "max_slope", slope)
 
     def resolved(self, model: Model, scheme: Scheme) -> Options:
         """The same with "auto" replaced, checked against the model.
@@ -531,11 +547,19 @@ class _Run:
 
 def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
     if count := int(np.count_nonzero(lamp.too_near(problem, depth))):
-        warnings.warn(
+        warn(
             f"{count} pixels come out as near to the camera as the lamp of light={problem.model.light!r}, where their "
             "depth ends: do not rely on them. Mask out what is too bright, or check the lamp's place and its gain, "
-            "which go by the same unit of depth.",
-            stacklevel=4,
+            "which go by the same unit of depth."
+        )
+
+
+def _warn_if_lost(problem: Problem, depth: NDArray[np.float64]) -> None:
+    if count := int(np.count_nonzero(problem.domain.solved & np.isnan(depth))):
+        warn(
+            f"{count} pixels come out nearer than {NEAREST:g} or farther than {FARTHEST:g}, and have no depth: they, "
+            "or those between them and a known depth, are too dark for the light, and only "
+            f"max_slope={problem.max_slope:g} bounds their slope. Mask them out, or lower max_slope."
         )
 
 
@@ -583,16 +607,12 @@ def _correct_photographs(
             if change > lamp.LOST:
                 if run.statuses[place] is Status.CONVERGED:
                     run.statuses[place] = Status.MAX_ITERATIONS
-                warnings.warn(
+                warn(
                     f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
-                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it.",
-                    stacklevel=4,
+                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it."
                 )
             if shaded := int(dim[number].sum()):
-                warnings.warn(
-                    f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.",
-                    stacklevel=4,
-                )
+                warn(f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.")
         active = going
     if watch:
         watch.before = 0
@@ -660,8 +680,11 @@ def _require_convergence(solution: Solution, which: str, tolerance: float) -> No
         )
 
 
-def _require_number(name: str, value: object, *, lowest: float, inclusive: bool) -> None:
-    good = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not good or not math.isfinite(value) or value < lowest or (value == lowest and not inclusive):  # type: ignore[arg-type, operator]
+def _require_number(name: str, value: object, *, lowest: float, inclusive: bool) -> float:
+    """The value as a number; InputError when it is none, or too low."""
+    number = finite_number(value)
+    # Written so that a NaN is refused too.
+    if not (number > lowest or (number == lowest and inclusive)):
         least = "at least" if inclusive else "greater than"
-        raise InputError(f"{name}={value!r}: give a finite number {least} {lowest:g}.")
+        raise InputError(f"{name}={brief(value)}: give a finite number {least} {lowest:g}.")
+    return number

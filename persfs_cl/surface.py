@@ -15,12 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.checks import as_array, as_floats
 from persfs_cl.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
 
 Array = NDArray[np.float64]
+
+NEAREST, FARTHEST = 1e-30, 1e30
+"""Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +65,7 @@ def depth_array(depth: ArrayLike) -> Array:
     Parameters
     ----------
     depth : array_like, shape (height, width)
-        Depth along the optical axis, finite and > 0; NaN where there is no surface.
+        Depth along the optical axis, from 1e-30 to 1e30; NaN where there is no surface.
 
     Returns
     -------
@@ -70,17 +74,19 @@ def depth_array(depth: ArrayLike) -> Array:
     Raises
     ------
     InputError
-        When the array is not two-dimensional, has no pixels, or holds an infinite, zero or negative depth.
+        When the array is not two-dimensional, has no pixels, or holds a depth out of that range.
     """
-    z = np.asarray(depth, dtype=np.float64)
+    z = as_floats("depth", depth)
     if z.ndim != 2 or z.size == 0:
         raise InputError(f"depth has shape {z.shape}: give a (height, width) array with at least one pixel.")
-    wrong = ~np.isnan(z) & ~((z > 0) & (z < np.inf))
+    # Written so that NaN is none of them.
+    wrong = (z < NEAREST) | (z > FARTHEST)
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
         raise InputError(
-            f"depth[{row}, {column}]={z[row, column]} is not a distance in front of the camera "
-            f"({np.count_nonzero(wrong)} such pixels): give finite values > 0, NaN where there is no surface."
+            f"depth[{row}, {column}]={float(z[row, column])!r} is not a distance in front of the camera "
+            f"({np.count_nonzero(wrong)} such pixels): give values from {NEAREST:g} to {FARTHEST:g}, NaN where there "
+            "is no surface."
         )
     return z
 
@@ -298,7 +304,7 @@ def _triangles(
 
 def _rgb(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Grey or RGB pixels as RGB."""
-    pixels = np.asarray(colour)
+    pixels = as_array("colour", colour)
     if pixels.dtype != np.uint8 or pixels.shape not in (shape, (*shape, 3)):
         raise InputError(
             f"colour has shape {pixels.shape} and type {pixels.dtype}: "

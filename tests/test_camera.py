@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -95,16 +96,44 @@ def test_an_impossible_principal_point_is_refused_with_its_value(point: Any) -> 
     assert repr(point) in str(caught.value)
 
 
-@pytest.mark.parametrize("point", [(-7.0, 1.0), (13.0, 1.0), (1.0, -5.0), (1.0, 9.0)])
-def test_a_principal_point_far_outside_is_refused_with_the_image_shape(point: tuple[float, float]) -> None:
-    with pytest.raises(CameraError, match=r"principal_point=\(.*\(4, 6\).*resized"):
-        Camera(100.0, point).grid((4, 6))
+def test_a_crop_keeps_the_axis_of_its_photograph() -> None:
+    whole = Camera(2000.0).grid((1448, 1448))
+    cut = Camera(2000.0, (723.5, 723.5)).grid((256, 256))
+    np.testing.assert_array_equal(cut.x, whole.x[:256])
+    np.testing.assert_array_equal(cut.y, whole.y[:256])
 
 
-@pytest.mark.parametrize("point", [(-6.0, 0.0), (12.0, 0.0), (0.0, -4.0), (0.0, 8.0)])
-def test_a_principal_point_up_to_one_image_size_outside_is_taken(point: tuple[float, float]) -> None:
-    grid = Camera(1.0, point).grid((4, 6))
-    assert (grid.x[0], grid.y[0, 0]) == (-point[0], -point[1])
+@pytest.mark.parametrize(
+    ("length", "point", "degrees"),
+    [
+        (100.0, (-1139.0, 1.0), "85"),
+        (100.0, (1.0, 1147.0), "85"),
+        (0.1, None, "88.0"),
+        ((1e9, 0.2), (0.0, 0.0), "86"),
+        (1e-3, (1e308, 0.0), "90"),
+    ],
+)
+def test_rays_that_no_lens_draws_are_refused_with_all_numbers(length: Any, point: Any, degrees: str) -> None:
+    with pytest.raises(CameraError, match=r"focal_length=\(.*principal_point=\(.*\(4, 6\)") as caught:
+        Camera(length, point).grid((4, 6))
+    assert f" {degrees}" in str(caught.value)
+
+
+@pytest.mark.parametrize("point", [(-1138.0, 1.0), (1143.0, 1.0), (1.0, -1138.0), (-800.0, -800.0)])
+def test_rays_within_85_degrees_of_the_axis_are_taken(point: tuple[float, float]) -> None:
+    grid = Camera(100.0, point).grid((4, 6))
+    assert (grid.x[0], grid.y[0, 0]) == (-point[0] / 100, -point[1] / 100)
+
+
+@pytest.mark.parametrize(("point", "outside"), [((-0.5, 3.5), False), ((-0.6, 3), True), ((5, 3.6), True)])
+def test_a_principal_point_outside_may_be_a_slip(point: tuple[float, float], outside: bool) -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        Camera(100.0, point).warn_if_off_image((4, 6))
+    assert [str(warning.message).partition(":")[0] for warning in caught] == outside * [
+        f"principal_point=({point[0]:g}, {point[1]:g}) lies outside the image of shape (4, 6)"
+    ]
+    assert all(warning.filename == __file__ for warning in caught)
 
 
 @pytest.mark.parametrize("shape", [(4, 6, 3), (0, 5), (4,), (-1, 2), (2.5, 3), "ab", 7])
@@ -115,7 +144,7 @@ def test_a_shape_that_is_no_image_is_refused(shape: Any) -> None:
         Camera.from_fov(60.0, shape)
 
 
-@pytest.mark.parametrize("angle", [1.0, 60.0, 90.0, 179.0])
+@pytest.mark.parametrize("angle", [1.0, 60.0, 90.0, 165.0])
 def test_from_fov_spans_the_angle_between_the_outer_edges(angle: float) -> None:
     camera = Camera.from_fov(angle, (30, 40))
     grid = camera.grid((30, 40))
@@ -123,6 +152,12 @@ def test_from_fov_spans_the_angle_between_the_outer_edges(angle: float) -> None:
     right = math.atan(grid.x[-1] + grid.dx / 2)
     assert math.degrees(right - left) == pytest.approx(angle, rel=1e-12)
     assert camera.fx == camera.fy
+
+
+@pytest.mark.parametrize("angle", [5e-324, 1e-10])
+def test_a_view_without_width_is_no_camera(angle: float) -> None:
+    with pytest.raises(CameraError, match=r"focal_length=.* is impossible"):
+        Camera.from_fov(angle, (30, 40))
 
 
 def test_from_fov_keeps_the_principal_point() -> None:

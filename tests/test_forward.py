@@ -86,7 +86,7 @@ def test_mask_hides_pixels_and_cuts_derivatives() -> None:
     ("depth", "keywords", "message"),
     [
         (np.ones(4), {}, "height, width"),
-        (np.zeros((3, 3)), {}, "down to 0"),
+        (np.zeros((3, 3)), {}, r"depth\[0, 0\]=0.0 is not a distance"),
         (np.full((3, 3), np.nan), {}, "no finite value"),
         (np.ones((3, 3)), {"mask": np.ones((2, 2), bool)}, "mask"),
         (np.ones((3, 3)), {"light": 3}, "no known light"),
@@ -98,11 +98,11 @@ def test_bad_input_is_refused(depth: Any, keywords: dict[str, Any], message: str
 
 
 def test_wrong_kinds_of_input_are_refused() -> None:
-    with pytest.raises(ps.InputError, match="no array of numbers"):
+    with pytest.raises(ps.InputError, match="is no array"):
         ps.render("depth.npy", ps.Camera(10.0))
     with pytest.raises(ps.InputError, match="no Camera"):
         ps.render(np.ones((3, 3)), None)  # type: ignore[arg-type]
     with pytest.raises(ps.InputError, match="precision"):
         ps.render(np.ones((3, 3)), ps.Camera(10.0), precision="x")  # type: ignore[arg-type]
-    with pytest.raises(ps.InputError, match="infinite"):
+    with pytest.raises(ps.InputError, match=r"depth\[0, 0\]=inf"):
         ps.render(np.full((3, 3), np.inf), ps.Camera(10.0))

@@ -46,6 +46,12 @@ def test_range_looks_at_compared_pixels_only() -> None:
     assert compare([0.0, 1.0, 100.0], [2.0, 3.0, NAN], align="range").maximum == 0.0
 
 
+@pytest.mark.parametrize("unit", [2.0**-1000, 2.0**1000])
+def test_squares_neither_overflow_nor_vanish(unit: float) -> None:
+    errors = compare([3 * unit, 5 * unit], [0.0, unit])
+    assert errors == Errors(3.5 * unit, np.sqrt(12.5) * unit, 4 * unit, 3.5 * unit, 2)
+
+
 @pytest.mark.parametrize("align", [None, "scale", "range"])
 def test_inputs_stay_as_they_were(align: Any) -> None:
     estimate, truth = np.array([1.0, 2.0, NAN]), np.array([2.0, 5.0, 1.0])
@@ -75,7 +81,13 @@ def test_an_array_equals_itself(align: Any) -> None:
         ([1.0, 2.0], [-1.0, 2.0], {"align": "scale"}, "truth goes down to -1"),
         ([3.0, 3.0], [1.0, 2.0], {"align": "range"}, "estimate is 3 at every"),
         ([1.0, 2.0], [4.0, 4.0], {"align": "range"}, "truth is 4 at every"),
-        ("a", [1.0], {}, "estimate holds <U1, not numbers"),
+        ("a", [1.0], {}, "estimate='a' is no array"),
+        (["a"], [1.0], {}, "estimate holds <U1, not numbers"),
+        ([1.0], np.ma.masked_array([1.0], [True]), {}, "truth is a masked array"),
+        ([1.0], [2.0], {"align": np.array(["scale"])}, "align=array.* is unknown"),
+        ([1e308], [-1e308], {}, "go up to 1e\\+308, are too far apart"),
+        ([1e308, -1e308], [1.0, 2.0], {"align": "range"}, "too far apart"),
+        ([5e-324], [1e308], {"align": "scale"}, "too far apart"),
         ([1.0], [None], {}, "truth holds object, not numbers"),
         ([1.0], [[1.0], [1.0, 2.0]], {}, "truth is no array"),
         ([1.0, 2.0], [1.0, 2.0], {"mask": [0, 255]}, "mask holds int64, not bool"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import imageio.v3
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -353,3 +355,34 @@ def test_relief_takes_normals_and_white_that_are_at_hand(tmp_path: Path) -> None
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     with pytest.raises(InputError, match=r"normals has shape \(3, 4, 3\)"):
         pictures.relief_picture(tmp_path / "three.png", depth, CAMERA, normals=np.ones((3, 4, 3)))
+
+
+def test_settings_of_the_user_play_no_part(tmp_path: Path) -> None:
+    depth = np.linspace(1.0, 2.0, 30).reshape(5, 6)
+    pictures.depth_picture(tmp_path / "plain.png", depth)
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nno line\naxes.grid: maybe\nfont.size: 30\n")
+    program = (
+        "import numpy, persfs_cl.pictures as pictures\n"
+        "depth = numpy.linspace(1.0, 2.0, 30).reshape(5, 6)\n"
+        "pictures.confidence_picture('confidence.png', depth, {})\n"
+        "pictures.depth_picture('own.png', depth)\n"
+    )
+    environment = os.environ | {
+        "MPLBACKEND": "nonsense",
+        "PYTHONPATH": os.pathsep.join([str(Path(pictures.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "own.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
+
+
+def test_settings_of_the_process_stay_as_they_were(tmp_path: Path) -> None:
+    depth = np.linspace(1.0, 2.0, 30).reshape(5, 6)
+    pictures.depth_picture(tmp_path / "plain.png", depth)
+    with mpl.rc_context({"font.size": 30.0, "text.usetex": True, "figure.facecolor": "red"}):
+        before = {name: value for name, value in mpl.rcParams.items() if name != "backend"}
+        pictures.depth_picture(tmp_path / "own.png", depth)
+        assert {name: mpl.rcParams[name] for name in before} == before
+    assert (tmp_path / "own.png").read_bytes() == (tmp_path / "plain.png").read_bytes()

@@ -17,7 +17,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import persfs_cl as ps
-from persfs_cl import blocks
+from persfs_cl import blocks, pictures
 from persfs_cl.confidence import slope_error
 from persfs_cl.images import read_depth
 from persfs_cl.light import Light
@@ -221,3 +221,69 @@ def test_confidence_does_not_depend_on_the_size_of_blocks(
             changed.setattr(blocks, "_PIXELS", 150)
             by_blocks = lit.confidence().slope_error
         np.testing.assert_array_equal(by_blocks, lit.confidence().slope_error)
+
+
+@pytest.mark.parametrize("name", ["depth", "normals", "relief", "comparison", "confidence", "convergence"])
+def test_a_picture_that_cannot_be_drawn_costs_nothing_else(
+    name: str, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise RuntimeError("no\nlatex")
+
+    drawings = ("depth", "normals", "relief", "comparison", "confidence", "convergence")
+    for drawing in drawings:
+        # The others need not be drawn for this.
+        monkeypatch.setattr(pictures, f"{drawing}_picture", fail if drawing == name else lambda *_a, **_k: None)
+    with pytest.warns(UserWarning, match=rf"^{name}.png could not be drawn \(RuntimeError: no latex\)") as caught:
+        written = solution.save(tmp_path / "out")
+    assert [warning.filename for warning in caught] == [__file__]
+    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "rendered.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == kept
+    assert {path.name for path in written} == kept | {f"{drawing}.png" for drawing in drawings if drawing != name}
+
+
+def test_reports_are_strict_json(solution: ps.Solution, tmp_path: Path) -> None:
+    solution.save(tmp_path / "z.json", report={"odd": [np.inf, {"nan": float("nan")}, (1.5, -np.inf)]})
+
+    def refuse(name: str) -> None:
+        raise AssertionError(name)
+
+    loaded = json.loads((tmp_path / "z.json").read_text(), parse_constant=refuse)
+    assert loaded["odd"] == [None, {"nan": None}, [1.5, None]]
+
+
+@pytest.mark.parametrize(("shape", "count"), [((1, 2), 2), ((9, 1), 9), ((3, 3), 1)])
+def test_the_smallest_surfaces_can_be_saved(shape: tuple[int, int], count: int, tmp_path: Path) -> None:
+    image = np.random.default_rng(1).uniform(0.4, 0.9, shape)
+    mask = np.arange(image.size).reshape(shape) < count
+    found = ps.reconstruct(image, ps.Camera(20.0), light=ps.FlashLight(), mask=mask)
+    np.testing.assert_array_equal(np.isfinite(found.depth), found.solved)
+    assert found.solved.sum() == count
+    files = found.save(tmp_path)
+    assert len(files) == 11
+    assert all(path.stat().st_size > 0 for path in files)
+
+
+def test_what_is_compared_and_doubted_is_checked(solution: ps.Solution) -> None:
+    with pytest.raises(ps.InputError, match=r"photo has shape \(3,\)"):
+        solution.grey_errors(np.ones(3))
+    with pytest.raises(ps.InputError, match=r"photo goes up to 1e\+308"):
+        solution.grey_errors(np.full(solution.depth.shape, 1e308))
+    with pytest.raises(ps.InputError, match="photo is no array"):
+        solution.grey_errors([[1.0], [2.0, 3.0]])  # type: ignore[arg-type]
+    for doubts in (3.0, np.ones((40, 50), bool)):
+        with pytest.raises(ps.InputError, match="no mapping"):
+            solution.confidence(doubts)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("black", [0.0, np.nan, np.inf, 1e308])
+def test_black_or_no_brightness_at_known_depths_spoils_no_report(black: float) -> None:
+    image = np.full((3, 4), black)
+    image[1, 1:3] = 0.5, 0.6
+    known = np.where(np.isfinite(image) & (image > 0) & (image < 1), np.nan, 1.0)
+    mask = np.isnan(known)
+    found = ps.reconstruct(image, ps.Camera(20.0), light=ps.FlashLight(falloff=False), mask=mask, known_depth=known)
+    alone = dataclasses.replace(found, depth=known, log_depth=np.log(known), solved=~mask)
+    for solution in (found, alone):
+        assert solution.white == (1.0 if solution is alone else 0.6)
+    json.dumps(found.report(), allow_nan=False)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+import warnings
 from pathlib import Path
 from typing import Any, cast
 
@@ -373,7 +376,8 @@ def test_a_dark_background_under_a_flash_is_named() -> None:
 def test_values_outside_the_mask_may_be_anything() -> None:
     mask = np.ones(IMAGE.shape, bool)
     mask[10, 10] = False
-    solution = ps.reconstruct(with_values(np.nan), ps.Camera(30.0), mask=mask)
+    with pytest.warns(UserWarning, match="the outline of the mask is taken for flat ground"):
+        solution = ps.reconstruct(with_values(np.nan), ps.Camera(30.0), mask=mask)
     assert solution.status is ps.Status.CONVERGED
     assert np.isnan(solution.depth[10, 10])
 
@@ -381,6 +385,21 @@ def test_values_outside_the_mask_may_be_anything() -> None:
 def test_principal_point_far_outside_is_refused() -> None:
     with pytest.raises(ps.CameraError, match="principal"):
         ps.reconstruct(IMAGE, ps.Camera(30.0, (500.0, 10.0)))
+
+
+def test_a_principal_point_outside_is_solved_with_a_warning_at_the_call() -> None:
+    """A part of a photograph has the solution of the whole, with known values around."""
+    scene = ps.bump(shape=(24, 24))
+    whole = ps.reconstruct(scene.image, scene.camera, known_depth=scene.known_depth, tolerance=1e-7)
+    part = np.s_[2:10, 1:9]
+    known = np.full((8, 8), np.nan)
+    known[[0, -1]], known[:, [0, -1]] = whole.depth[part][[0, -1]], whole.depth[part][:, [0, -1]]
+    centre = scene.camera.centre((24, 24))
+    camera = ps.Camera(scene.camera.focal_length, (centre[0] - 1, centre[1] - 2))
+    with pytest.warns(UserWarning, match="lies outside the image of shape") as caught:
+        cut = ps.reconstruct(scene.image[part], camera, known_depth=known, tolerance=1e-7)
+    assert caught[0].filename == __file__
+    np.testing.assert_allclose(cut.depth, whole.depth[part], atol=1e-5)
 
 
 def test_stopping_a_batch_stops_the_images_that_have_not_begun() -> None:
@@ -471,3 +490,135 @@ def test_a_known_depth_that_nothing_sees_costs_no_precision() -> None:
     other = ps.reconstruct(image, camera, mask=mask, known_depth=known)
     np.testing.assert_array_equal(one.depth[:, :30], other.depth[:, :30])
     assert other.depth[15, 38] == 1e-30
+
+
+def ball(size: int, light: ps.ParallelLight = ps.ParallelLight()) -> tuple[np.ndarray[Any, Any], Any]:
+    """A ball from far away, and its mask."""
+    rows, columns = np.indices((size, size)) * (2.1 / (size - 1)) - 1.05
+    mask = rows**2 + columns**2 < 1.0
+    height = np.sqrt(np.maximum(1.0 - rows**2 - columns**2, 0.0))
+    return np.clip(np.where(mask, height - light.p0 * columns - light.q0 * rows, 0.0) / light.norm, 0.0, 1.0), mask
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(), ps.ParallelLight(0.5, 0.3), ps.ParallelLight(-1.0)])
+def test_the_outline_of_a_round_object_is_no_flat_ground(light: ps.ParallelLight) -> None:
+    image, mask = ball(40, light)
+    camera = ps.Camera(400.0)
+    keywords: dict[str, Any] = {"light": light, "max_iterations": 2}
+    with pytest.warns(UserWarning, match="flat sheet, or the outline inflated.*: give known_depth") as caught:
+        ps.reconstruct(image, camera, mask=mask, **keywords)
+    assert [warning.filename for warning in caught] == [__file__]
+    # Neither where depth is known, nor where all that is dark lies on the frame of the image.
+    known = np.where(mask & ~disc(40, 0.2), 2.0, np.nan)
+    ps.reconstruct(image, camera, mask=mask, known_depth=known, **keywords)
+    ps.reconstruct(image[5:35, 5:35], camera, **keywords)
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(), ps.ParallelLight(0.5, 0.3)])
+def test_a_relief_on_flat_ground_has_a_flat_outline(light: ps.ParallelLight) -> None:
+    scene = ps.bump(shape=(40, 40), light=light)
+    wide = np.full((70, 70), 1.0 / light.norm)
+    wide[15:55, 15:55] = scene.image
+    for material in (ps.Lambertian(), ps.OrenNayar(0.3), ps.Phong()):
+        frontal = float(material.shade(1 / light.norm, 1.0, 1 / light.norm)) * light.norm
+        image = np.minimum(wide * frontal, 0.99)
+        ps.reconstruct(image, ps.Camera(100.0), mask=disc(70, 0.2), light=light, reflectance=material, max_iterations=1)
+
+
+@pytest.mark.parametrize("value", [1e308, 5e-324, 1.1e30, 0.9e-30, np.longdouble("1e300")])
+def test_depths_that_no_unit_needs_are_refused_with_their_value(value: Any) -> None:
+    known = np.full(IMAGE.shape, np.nan, np.result_type(value))
+    known[3, 4] = value
+    words = f"known_depth holds {float(value):g}: give depths from 1e-30 to 1e+30"
+    with pytest.raises(ps.InputError, match=re.escape(words)):
+        ps.reconstruct(IMAGE, ps.Camera(30.0), known_depth=known)
+    known[3, 5] = 2e9
+    known[3, 4] = 1.0
+    with pytest.raises(ps.InputError, match=r"from 1 to 2e\+09 beside .* at most 1e\+09 times the nearest"):
+        ps.reconstruct(IMAGE, ps.Camera(30.0), known_depth=known)
+
+
+@pytest.mark.parametrize("unit", [1e-26, 1e-9, 1e26])
+def test_the_unit_of_depth_does_not_matter(unit: float) -> None:
+    known = np.full(IMAGE.shape, np.nan)
+    known[10, 12] = 1.0
+    one, other = (ps.reconstruct(IMAGE, ps.Camera(30.0), known_depth=scale * known) for scale in (1.0, unit))
+    np.testing.assert_allclose(other.depth, unit * one.depth, rtol=1e-5)
+    flash = ps.FlashLight(gain=unit**2)
+    near, far = (ps.reconstruct(IMAGE, ps.Camera(30.0), light=light) for light in (ps.FlashLight(), flash))
+    np.testing.assert_allclose(far.depth, unit * near.depth, rtol=1e-5)
+    np.testing.assert_allclose(far.render(), near.render(), rtol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [1e-95, 1e95])
+@pytest.mark.parametrize("falloff", [True, False])
+def test_the_scale_of_the_brightness_does_not_matter(scale: float, falloff: bool) -> None:
+    known = None if falloff else np.where(np.arange(24) == 3, 1.0, np.full(IMAGE.shape, np.nan))
+    one, other = (
+        ps.reconstruct(
+            IMAGE * gain, ps.Camera(30.0), known_depth=known, light=ps.FlashLight(falloff=falloff, gain=gain)
+        )
+        for gain in (1.0, scale)
+    )
+    np.testing.assert_allclose(other.depth, one.depth, rtol=1e-5)
+    np.testing.assert_allclose(other.render(), scale * one.render(), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("light", "image", "message"),
+    [
+        (ps.FlashLight(gain=1e300), IMAGE, r"gain=1e\+300.* at a depth of 1e\+150"),
+        (ps.FlashLight(gain=1e-300), IMAGE, r"gain=1e-300.* at a depth of 1e-150"),
+        (ps.FlashLight(), IMAGE * 1e-200, "image goes up to .*e-201"),
+        (ps.FlashLight(), IMAGE * 1e200, r"image goes up to .*e\+199"),
+        (ps.FlashLight(offset=(-6e8, 0.0, 1e8)), IMAGE, r"is 6.*e\+08 away from the camera, but .* at most 1\.0"),
+    ],
+)
+def test_a_flash_beyond_the_precision_is_refused_with_its_numbers(
+    light: ps.FlashLight, image: np.ndarray[Any, Any], message: str
+) -> None:
+    with pytest.raises(ps.InputError, match=message):
+        ps.reconstruct(image, ps.Camera(30.0), light=light)
+
+
+def test_what_runs_away_has_no_depth_and_is_told_of() -> None:
+    image = np.where(np.arange(24) > 12, 1e-30, IMAGE)
+    known, walls = np.full(IMAGE.shape, np.nan), np.zeros(IMAGE.shape, bool)
+    known[10, 2] = 1.0
+    walls[:, 20] = True
+    with pytest.warns(UserWarning, match=r"pixels come out nearer than 1e-30 or farther than 1e\+30.*max_slope=500"):
+        solution = ps.reconstruct(image, ps.Camera(30.0), walls=walls, known_depth=known, max_slope=500.0)
+    assert 0 < np.count_nonzero(solution.unreached) < solution.depth.size
+    for values in (solution.depth, solution.log_depth, solution.render(), solution.normals()[..., 0]):
+        np.testing.assert_array_equal(np.isfinite(values), solution.solved)
+    assert not (solution.solved & solution.unreached).any()
+
+
+def test_anything_for_any_argument_gives_a_result_or_an_error_of_ours() -> None:
+    """And no warning of NumPy's, at which tests fail."""
+    random = np.random.default_rng(7)
+    image = IMAGE[:5, :6]
+    odd: list[Any] = [
+        *(None, "", "wall", b"x", 10**400, -1, 0, -0.0, 1.5, np.nan, np.inf, True, 1j, np.complex128(1), np.float16(1)),
+        *([], [[]], {}, [1, [2, 3]], ["a"], [None], object(), np.array(1.0), np.array([]), np.zeros((0, 3)), [image]),
+        *(image > 0.5, image.T, image[0], image[..., None], image.astype(complex), image.astype(object), -image),
+        *(image * 1e300, image * 1e-300, image.astype(np.longdouble) * np.longdouble("1e4000"), image.tolist()),
+        *(np.full((5, 6), np.nan), np.ma.masked_array(image, image > 0.8), np.broadcast_to(0.5, (10**5, 10**6))),
+        *((255 * image).astype(np.uint8), ps.Camera(20.0), ps.FlashLight(), ps.Phong(), iter([1, 2]), "\u00b2"),
+    ]
+    names = [name for name in inspect.signature(ps.reconstruct).parameters if name not in ("device", "precision")]
+    results = 0
+    for _ in range(300):
+        keywords: dict[str, Any] = {"image": image, "camera": ps.Camera(30.0), "max_iterations": 2}
+        for name in random.choice(names, random.integers(1, 3), replace=False):
+            keywords[str(name)] = odd[random.integers(len(odd))]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # ours, as of dark pixels
+            try:
+                solution = ps.reconstruct(**keywords)
+            except ps.PersfsError as error:
+                assert len(str(error)) < 700  # noqa: PT017  # some are solved
+                continue
+        results += 1
+        np.testing.assert_array_equal(np.isfinite(solution.depth), solution.solved)
+    assert 0 < results < 300

@@ -7,7 +7,6 @@ import operator
 import os
 import re
 import threading
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -15,6 +14,7 @@ import numpy as np
 import pyopencl as cl
 
 from persfs_cl._cl.cache import prepare_caches
+from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError
 
 INSTALL_HINT = (
@@ -210,20 +210,20 @@ def _all_devices() -> tuple[Device, ...]:
         # The loader reports "no platform" as an error; an empty list says the same to every caller.
         return ()
     for text in said:
-        warnings.warn(text, UserWarning, stacklevel=3)
+        warn(text)
     handles = []
     for number, platform in enumerate(platforms):
         try:
             handles += platform.get_devices()
         except cl.Error as error:
             name = _name_or_number(platform, number)
-            warnings.warn(f"OpenCL platform {name} lists no devices: {error}", stacklevel=3)
+            warn(f"OpenCL platform {name} lists no devices: {error}")
     found = []
     for handle in handles:
         try:
             found.append((_rank(handle), Device(0, handle)))
         except cl.Error as error:
-            warnings.warn(f"An OpenCL device that does not say what it is was left out: {error}", stacklevel=3)
+            warn(f"An OpenCL device that does not say what it is was left out: {error}")
     found.sort(key=operator.itemgetter(0))
     for index, (_, device) in enumerate(found):
         device.index = index

@@ -14,6 +14,7 @@ import pyopencl as cl
 
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
+from persfs_cl.checks import warn
 from persfs_cl.errors import KernelBuildError
 
 _LOG = logging.getLogger(__name__)
@@ -155,7 +156,7 @@ def _compiled(device: Device, source: str, options: Sequence[str], names: Sequen
     if said:
         _LOG.debug("%s on %s: %s", " + ".join(names), device, said)
     if _names_a_file(said, names):
-        warnings.warn(f"The compiler of {device} warns about {' + '.join(names)}:\n{said}", UserWarning, stacklevel=2)
+        warn(f"The compiler of {device} warns about {' + '.join(names)}:\n{said}")
     return built
 
 

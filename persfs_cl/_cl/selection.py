@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
 import pyopencl as cl
 
 from persfs_cl._cl.device import INSTALL_HINT, Device, devices
 from persfs_cl._cl.registers import register_bits
+from persfs_cl.checks import brief, warn
 from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
 
 _SELECT = "Give one of these numbers, part of a name, 'cpu' or 'gpu', or leave it out."
@@ -49,16 +49,16 @@ def select_device(selector: int | str | Device | None = None) -> Device:
             return found[selector]
         raise DeviceError(f"device={selector} does not exist. There are: {listing}. {_SELECT}")
     if isinstance(selector, str) and selector.strip():
-        if selector.strip().isdigit():
+        if selector.strip().isdecimal() and len(selector.strip()) < 10:
             return select_device(int(selector))
         wanted = selector.strip().lower()
         for device in found:
             by_name = wanted in f"{device.name} {device.platform} {device.platform_version}".lower()
             if device.kind == wanted or (wanted not in ("cpu", "gpu") and by_name):
                 return device
-        raise DeviceError(f"No OpenCL device fits device={selector!r}. There are: {listing}. {_SELECT}")
+        raise DeviceError(f"No OpenCL device fits device={brief(selector)}. There are: {listing}. {_SELECT}")
     raise DeviceError(
-        f"device={selector!r} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
+        f"device={brief(selector)} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
     )
 
 
@@ -72,7 +72,7 @@ def _first_that_compiles(found: list[Device]) -> Device:
             continue
         if failures:
             reasons = " ".join(str(failure) for failure in failures)
-            warnings.warn(f"{device} is used, as what comes before it does not compile. {reasons}", stacklevel=3)
+            warn(f"{device} is used, as what comes before it does not compile. {reasons}")
         return device
     raise failures[0]
 

@@ -11,6 +11,7 @@ from persfs_cl.bench.convergence import ELAPSED, ERROR
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, YARDSTICKS
 from persfs_cl.bench.results import Record
 from persfs_cl.files import atomic_path
+from persfs_cl.pictures import matplotlib_defaults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,13 +44,14 @@ def draw(folder: Path, records: Sequence[Record], foot: str) -> list[Path]:
     makers = {"scaling": _scaling, "yardsticks": _yardsticks, "convergence": _convergence, "accuracy": _accuracy}
     for name, make in makers.items():
         path = folder / f"{name}.png"
-        figure = make([record for record in records if record.median is not None])
-        if figure is None:
-            path.unlink(missing_ok=True)
-            continue
-        figure.supxlabel(foot, fontsize=5.5, color="0.35", wrap=True)
-        with atomic_path(path) as temporary:
-            figure.savefig(temporary, format="png")
+        with matplotlib_defaults():
+            figure = make([record for record in records if record.median is not None])
+            if figure is None:
+                path.unlink(missing_ok=True)
+                continue
+            figure.supxlabel(foot, fontsize=5.5, color="0.35", wrap=True)
+            with atomic_path(path) as temporary:
+                figure.savefig(temporary, format="png")
         written.append(path)
     return written
 

@@ -148,7 +148,7 @@ def _beside_points(
 def _hint_at_scale(depth: Path) -> None:
     """Say so where the report beside a depth map tells that nothing has set its unit."""
     # A hint is worth no error: there may be another file of that name.
-    with suppress(InputError, ValueError, KeyError, TypeError):
+    with suppress(InputError, ValueError, KeyError, TypeError, RecursionError):
         light = json.loads(read_bytes(depth.with_name("report.json")))["parameters"]["light"]
         if light["kind"] == "FlashLight" and light["gain"] == 1.0:
             typer.echo(

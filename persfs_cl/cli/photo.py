@@ -19,7 +19,10 @@ from persfs_cl.grey import encode_srgb
 from persfs_cl.images import Channel, Encoding, Photo, read_depth, read_light, read_mask, read_photo
 from persfs_cl.light import Light, ParallelLight
 from persfs_cl.metrics import Errors
+from persfs_cl.models import Model
 from persfs_cl.photograph import Highlights, Normalise, Preparation, PreparedPhoto, prepare_photo
+from persfs_cl.problem import warn_of_steep_outline
+from persfs_cl.reflectance import Lambertian
 from persfs_cl.solution import Solution
 from persfs_cl.solver import reconstruct
 
@@ -247,6 +250,8 @@ def solve_photo(
             if assumed:
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
+                model = Model.of(light, keywords.get("reflectance", Lambertian()))
+                warn_of_steep_outline(image if shares is None else image / shares, solvable & ~barriers, wanted, model)
         solution = reconstruct(
             image,
             pinhole,

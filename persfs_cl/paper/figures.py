@@ -14,6 +14,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.files import FilePath, atomic_path
 from persfs_cl.paper.course import Course
 from persfs_cl.paper.printed import TANKUS_VASE, YANG_HAN_VASE
+from persfs_cl.pictures import matplotlib_defaults
 from persfs_cl.scenes import Scene
 
 if TYPE_CHECKING:
@@ -38,13 +39,15 @@ _MARKERS = "osD^vP"
 @contextmanager
 def _figure(path: FilePath, width: float, height: float) -> Iterator[Figure]:
     """An empty figure of a size in inches; it becomes the PNG file when the block has drawn on it."""
-    from matplotlib.figure import Figure
     from PIL import Image
 
-    figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="constrained")
-    yield figure
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png")
+    with matplotlib_defaults():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="constrained")
+        yield figure
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="png")
     # Of 256 colours, which nobody misses, a file has a third of the size.
     picture = Image.open(drawn).convert("RGB")
     picture = picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)

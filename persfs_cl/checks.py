@@ -1,0 +1,123 @@
+"""Arrays and numbers that a user gave: what they are, or an error that says why they are none."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import os
+import warnings
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.errors import InputError
+
+_MOST_NUMBERS = 2**31
+"""An array of more, such as a broadcast one that takes no memory, would be copied, and take all there is."""
+
+
+def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
+    """The array that a user gave, perhaps the very one.
+
+    Raises
+    ------
+    InputError
+        When it is a path, its rows have unequal lengths, it has masked elements, or whatever an object raises that is
+        asked for an array; or when it has more numbers than any image.
+    """
+    if isinstance(given, (str, bytes, os.PathLike)):
+        raise InputError(f"{name}={brief(given)} is no array: read the file first if it is a path.")
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise InputError(
+            f"{name} is a masked array, whose mask would be lost: give {name}.filled(...), and the mask by itself."
+        )
+    try:
+        values = np.asarray(given)
+    except Exception as error:  # an object may raise anything
+        raise InputError(f"{name} is no array ({brief(error)}): give numbers in rows of equal length.") from error
+    if values.size > _MOST_NUMBERS:
+        raise InputError(f"{name} has shape {values.shape}: give at most {_MOST_NUMBERS} numbers, of a smaller image.")
+    return values
+
+
+def as_floats(name: str, given: ArrayLike) -> NDArray[np.float64]:
+    """The array that a user gave as float64, perhaps the very one.
+
+    Raises
+    ------
+    InputError
+        When it is no array, see :func:`as_array`, or holds something else than real numbers.
+    """
+    values = as_array(name, given)
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"{name} holds {values.dtype}, not numbers: give an array of floats.")
+    return to_float64(values)
+
+
+def to_float64(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Numbers in double precision; those of longer types that it does not reach become infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float64, copy=False)
+
+
+def as_mask(name: str, given: ArrayLike, shape: tuple[int, ...], whose: str = "image") -> NDArray[np.bool_]:
+    """The array of bool that a user gave.
+
+    Raises
+    ------
+    InputError
+        When it is no array, not of bool, or has another shape.
+    """
+    pixels = as_array(name, given)
+    if pixels.dtype != bool or pixels.shape != shape:
+        raise InputError(
+            f"{name} is {pixels.dtype} of shape {pixels.shape}: give a bool array of the {whose}'s shape {shape}."
+        )
+    return pixels
+
+
+def brief(value: object) -> str:
+    """`repr` of a value for a message: at most one line, whatever the value is."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # noqa: BLE001  # too many digits, or nested too deep: a message must not fail over it
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def finite_number(value: object) -> float:
+    """`value` as a number; NaN when it is none, or not finite. Texts and truth values are none."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return math.nan
+    try:
+        number = float(value)
+    except OverflowError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan
+
+
+def finite_numbers(value: object) -> tuple[float, ...] | None:
+    """The numbers in a scalar or a flat sequence, or None when it is neither, or one is not finite."""
+    try:
+        with warnings.catch_warnings():
+            # Of what becomes of rows of unequal length.
+            warnings.simplefilter("error")
+            numbers = np.atleast_1d(np.asarray(value))
+    except Exception:  # noqa: BLE001  # an object that is asked for an array may raise anything
+        return None
+    if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or numbers.size == 0:
+        return None
+    found = tuple(map(finite_number, numbers.tolist()))
+    return None if any(map(math.isnan, found)) else found
+
+
+def warn(message: str) -> None:
+    """Warn, in the place where the package was called from, however many of its functions lie between."""
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, UserWarning, stacklevel=level)
