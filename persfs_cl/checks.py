@@ -58,7 +58,7 @@ def as_floats(name: str, given: ArrayLike) -> NDArray[np.float64]:
 
 def to_float64(values: NDArray[Any]) -> NDArray[np.float64]:
     """Numbers in double precision; those of longer types that it does not reach become infinite."""
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         return values.astype(np.float64, copy=False)
 
 
@@ -117,7 +117,9 @@ def finite_numbers(value: object) -> tuple[float, ...] | None:
 
 def warn(message: str) -> None:
     """Warn, in the place where the package was called from, however many of its functions lie between."""
+    # Context managers and decorators of the standard library may lie between.
+    within = (__package__, "contextlib", "functools")
     frame, level = inspect.currentframe(), 1
-    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in within:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, UserWarning, stacklevel=level)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import warn
+from persfs_cl.checks import to_float64, warn
 from persfs_cl.decoding import decoding
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
@@ -286,7 +286,7 @@ def read_light(
         stored = _read_npy(path)
         if stored.dtype.kind not in "iuf":
             raise InputError(f"{path} holds {stored.dtype}, not numbers: save linear light as floats.")
-        light = stored.astype(np.float64)
+        light = to_float64(stored)
     else:
         photo = read_photo(path, channel=channel, encoding=encoding, keep_nan=True)
         light, own = photo.image, photo.orientation
@@ -390,8 +390,8 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
         raise InputError(f"{path} has shape {stored.shape}: a depth map is (height, width).")
     if shape is not None:
         _require_shape(path, stored, shape, orientation, own=own)
-    with np.errstate(over="ignore"):  # what float64 cannot hold is refused as infinite
-        depth = stored.astype(np.float64)
+    # A copy in any case; what float64 cannot hold is refused as infinite.
+    depth = to_float64(stored).copy()
     if stored.dtype.kind != "f":
         depth[stored == 0] = np.nan
     bad = np.isinf(depth) | (depth <= 0)

@@ -626,7 +626,7 @@ def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: 
     left.mkdir(parents=True)
     (left / "depth.npy").write_text("half")
     assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
-    assert names(out) == {"depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json"}
+    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
 
 
 @pytest.mark.usefixtures("quick")
@@ -696,7 +696,7 @@ def test_a_signal_that_comes_twice_at_once_keeps_what_there_is(
     assert outcome.status == 130
     assert strict(tmp_path / "out" / "report.json")["status"] == "STOPPED"
     assert strict(tmp_path / "out" / "report.json")["iterations"] == 2
-    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "depth.png", "mesh.ply", "report.json"}
+    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
 
 
 @pytest.mark.usefixtures("ctrl_c")

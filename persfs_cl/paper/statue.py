@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
+from persfs_cl.domain import rim
 from persfs_cl.forward import render
 from persfs_cl.grey import encode_srgb
 from persfs_cl.images import Encoding, read_mask, read_photo
@@ -97,11 +98,12 @@ def experiment(plan: Plan) -> Findings:
     courses = {PRINTED: printed.YANG_HAN_STATUE}
     baseline = {PRINTED_TANKUS: printed.TANKUS_STATUE}
     pictures: dict[str, Any] = {}
+    at_1 = outline_at_1(mask)
     for camera, name in ((CAMERA_OF_PAPER, "figure3"), (CAMERA, "figure3-camera")):
         judge = partial(judged, image, camera, plan.device)
         common = (image, camera, judge, iterations)
-        here = sweeping(*common, repeats=plan.repeats, mask=mask, device=plan.device)
-        tankus = marching(*common, repeats=plan.repeats, mask=mask)
+        here = sweeping(*common, repeats=plan.repeats, device=plan.device, **at_1)
+        tankus = marching(*common, repeats=plan.repeats, **at_1)
         focal_length = f"f = {camera.fx:.0f}"
         courses[f"{HERE}, {focal_length}"] = here.course
         baseline[f"{TANKUS}, {focal_length}"] = tankus.course
@@ -113,7 +115,7 @@ def experiment(plan: Plan) -> Findings:
             camera=camera,
             courses=((here.course, printed.YANG_HAN_STATUE), (tankus.course, printed.TANKUS_STATUE)),
         )
-    upwind = sweeping(*common, repeats=plan.repeats, mask=mask, device=plan.device, scheme="upwind")
+    upwind = sweeping(*common, repeats=plan.repeats, device=plan.device, scheme="upwind", **at_1)
     courses[f"{HERE}, upwind, {focal_length}"] = upwind.course
     flash = sweeping(
         _prepared(mask, "srgb").light,
@@ -139,6 +141,14 @@ def experiment(plan: Plan) -> Findings:
     return Findings(tables if plan.quick else [*tables, _readings(plan)], pictures)
 
 
+def outline_at_1(mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """A mask with the paper's "zero boundary conditions", z = 1 along its edge, as keywords of both methods.
+
+    They assume the same where no depth is given, but warn of it where a photograph speaks against it, as this one does.
+    """
+    return {"mask": mask, "known_depth": np.where(rim(mask), 1.0, np.nan)}
+
+
 def _readings(plan: Plan) -> Table:
     """What else the photograph could be taken for, one thing at a time."""
     usual, mask, whole = prepared(), inside(), np.ones(SHAPE, dtype=np.bool_)
@@ -159,7 +169,7 @@ def _readings(plan: Plan) -> Table:
     rows = []
     for name, (image, camera, surface, solved) in readings.items():
         judge = partial(judged, image, camera, plan.device)
-        settings: dict[str, Any] = {"mask": solved, "surface": surface}
+        settings: dict[str, Any] = {**outline_at_1(solved), "surface": surface}
         here = {"device": plan.device, **settings}
         found = [
             sweeping(image, camera, judge, _LAST, **here).course.mean[0],

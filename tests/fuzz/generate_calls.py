@@ -321,7 +321,7 @@ _ODD: tuple[Callable[[], Any], ...] = (
     lambda: ps.FlashLight(falloff=False),
     lambda: ps.ParallelLight(900.0, -900.0),
     lambda: ps.OrenNayar(1.2),
-    lambda: ps.Phong(0.5, 1e300, 1e300),
+    lambda: ps.Phong(1e-12, 1e12, 1e6),
     lambda: ps.Lambertian,
     lambda: ps.Status.CONVERGED,
 )
