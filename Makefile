@@ -13,11 +13,12 @@ CASE ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test fuzz lint bench paper clean
+.PHONY: help install demo test test-drivers fuzz lint bench paper clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
 	@echo "make test     run the tests"
+	@echo "make test-drivers  run the tests of the kernels on other drivers and emulated processors (Debian, Ubuntu)"
 	@echo "make fuzz     random files and calls; SECONDS=600 SEED=0 tell how long and which, CASE=image:7 runs one again"
 	@echo "make lint     check style and types"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
@@ -42,6 +43,10 @@ test: $(INSTALLED)
 fuzz: $(INSTALLED)
 	cd tests && ../$(BIN)/python -m fuzz --seconds $(SECONDS) --seed $(SEED) $(addprefix --case ,$(CASE))
 
+# Installs drivers where it may, as root.
+test-drivers: $(INSTALLED)
+	bash .ci/test-drivers
+
 lint: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -58,5 +63,5 @@ paper: $(INSTALLED)
 	$(BIN)/persfs-cl paper
 
 clean:
-	rm -rf $(VENV) dist build demo-output bench-output paper-output .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) .cache dist build demo-output bench-output paper-output .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find persfs_cl tests -name __pycache__ -prune -exec rm -rf {} +
