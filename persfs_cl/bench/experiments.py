@@ -107,7 +107,7 @@ def _candidates(plan: Plan, size: int) -> dict[str, list[Tuning]]:
     # Few groups of one item suit processors, which run it at full speed.
     groups = plan.groups() if wide > 1 else ()
     strips = product(plan.strip_rows, groups)
-    bands = product((width for width in plan.widths() if width > 1), plan.heights(size), groups)
+    bands = product(plan.widths(), plan.heights(size), groups)
     candidates = {
         "wavefront": [
             *(Tuning("wavefront_strips", wide, strip_rows=rows, work_groups=count) for rows, count in strips),
