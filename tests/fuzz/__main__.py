@@ -14,8 +14,18 @@ import typer
 from fuzz.cases import KINDS
 from fuzz.worker import Worker
 
-_SHARES = {"image": 6, "exif": 4, "array": 3, "points": 3, "reconstruct": 4, "batch": 1, "render": 2, "invalid": 6}
-"""Cases of a kind in a round; 1 of the others."""
+_SHARES = {
+    "image": 120,
+    "exif": 60,
+    "array": 40,
+    "points": 60,
+    "compare": 10,
+    "invalid": 20,
+    "reconstruct": 6,
+    "render": 3,
+    "batch": 2,
+}
+"""Cases of a kind in a round, 1 of the others: files and calls, which compile kernels, take about the same time."""
 _SEEDS_APART = 1_000_000
 
 
