@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,15 +13,13 @@ import pyopencl as cl
 
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
-from persfs_cl.checks import warn
+from persfs_cl.checks import changing_warnings, warn
 from persfs_cl.errors import KernelBuildError
 
 _LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).resolve().parent.parent
 _ATTEMPTS = 3
-"""Times that a program is made: what lies in a damaged cache is passed over by another number in its source."""
-_WARNINGS_LOCK = threading.Lock()
-"""Python's list of filters for warnings is one for all threads."""
+"""Times that a program is made: what lies in a damaged cache is passed over by another number in its options."""
 
 
 def _kernel_directory() -> Path:
@@ -145,7 +142,7 @@ def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -
 
 def _compiled(device: Device, source: str, options: Sequence[str], names: Sequence[str]) -> cl.Program:
     """The program. What the compiler says goes to the log, and becomes a warning where it is about our source."""
-    with _WARNINGS_LOCK, warnings.catch_warnings():
+    with changing_warnings, warnings.catch_warnings():
         # All of it is read below.
         warnings.simplefilter("ignore", cl.CompilerWarning)
         built: cl.Program = cl.Program(device.context, source).build(options)
