@@ -55,14 +55,6 @@ def child_environment(more: Mapping[str, str]) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": search, **more}
 
 
-def cache_folders(folder: Path) -> dict[str, str]:
-    """Environment that moves every cache of compiled kernels into a folder."""
-    names = ("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH")
-    for name in names:
-        (folder / name).mkdir(exist_ok=True)
-    return {name: str(folder / name) for name in names}
-
-
 def compilation(device: int, ordering: Ordering, precision: Precision) -> dict[str, float]:
     """Seconds of the first reconstruction in this process, and of the second, of a tiny image."""
     first, second = (_seconds(16, device, ordering, precision) for _ in range(2))

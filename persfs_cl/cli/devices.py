@@ -16,10 +16,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from persfs_cl._cl.cache import cache_folders
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.device import devices as list_devices
 from persfs_cl._cl.selection import select_device
-from persfs_cl.bench.fresh import cache_folders
 from persfs_cl.circumstances import circumstances
 from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
 from persfs_cl.selftest.supervisor import Report, Show, child_command, examine
