@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -86,6 +87,27 @@ def test_an_unusable_cache_is_replaced_and_named(filled: tuple[Path, str], tmp_p
     assert any(str(in_the_way) in line and variable in line for line in warned)
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == [in_the_way], "private caches go with their process"
+
+
+def test_a_cache_of_binaries_in_the_way_is_named(filled: tuple[Path, str], tmp_path: Path) -> None:
+    """Drivers other than PoCL need it."""
+    caches = tmp_path / "caches"
+    shutil.copytree(filled[0], caches, ignore=shutil.ignore_patterns("pyopencl"))
+    (caches / "pyopencl").touch()
+    done = run(XDG_CACHE_HOME=str(caches))
+    assert (done.returncode, done.stdout) == (0, filled[1])
+    assert f"The kernel cache {caches / 'pyopencl'} cannot be used" in done.stderr
+    assert "XDG_CACHE_HOME" in done.stderr
+
+
+def test_no_place_at_all_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: str) -> str:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(cache, "_problem", lambda *_: "Permission denied")
+    monkeypatch.setattr(cache.tempfile, "mkdtemp", refuse)
+    with pytest.raises(ps.DeviceError, match=r"\(Permission denied\).*\(Read-only file system\).*POCL_CACHE_DIR"):
+        cache.prepare_caches()
 
 
 def test_files_that_are_cut_short_are_told_from_whole_ones(filled: tuple[Path, str], tmp_path: Path) -> None:
