@@ -70,8 +70,8 @@ def prepare_caches() -> list[str]:
         except OSError as error:
             raise DeviceError(
                 f"There is no place for compiled kernels: the cache {folder} cannot be used ({problem}), and there is "
-                f"no temporary folder ({error.strerror or error}). Make one of them writable, or name another one in the "
-                f"environment variable {variable}."
+                f"no temporary folder ({error.strerror or error}). Make one of them writable, or name another one in "
+                f"the environment variable {variable}."
             ) from error
         atexit.register(shutil.rmtree, private, ignore_errors=True)
         os.environ[variable] = private
