@@ -429,6 +429,14 @@ def test_options_of_the_test_want_the_test(option: str) -> None:
     assert "--check" in result.stderr
 
 
+def test_differences_without_a_number_leave_json_that_everybody_reads(pretended: Callable[[str], None]) -> None:
+    pretended("say('end', case=0, status='failed', message='wrong', difference=float('inf'), seconds=0)\nsys.exit()")
+    result = invoked("--check", "--quick", "--device=0", "--json")
+    (entry,) = json.loads(result.stdout, parse_constant=pytest.fail)
+    assert entry["check"]["cases"][0]["difference"] is None
+    assert entry["check"]["cases"][0]["status"] == "failed"
+
+
 def test_fresh_moves_the_caches(pretended: Callable[[str], None]) -> None:
     pretended("say('end', case=0, status='failed', message=os.environ['POCL_CACHE_DIR'], seconds=0)\nsys.exit()")
     result = invoked("--check", "--quick", "--fresh", "--device=0", "--json")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from persfs_cl._cl.device import devices as list_devices
 from persfs_cl._cl.selection import select_device
 from persfs_cl.circumstances import circumstances
 from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
+from persfs_cl.files import json_text
 from persfs_cl.selftest.supervisor import Report, Show, child_command, examine
 
 _CHECK = "Of --check"
@@ -108,7 +108,7 @@ def devices(
     elif chosen and not as_json:
         _table(chosen, default)
     if as_json:
-        typer.echo(json.dumps(entries, indent=2))
+        typer.echo(json_text(entries))
     for one, report in zip(chosen, reports, strict=False):
         _complain(one, report)
     if problem:
