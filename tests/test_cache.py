@@ -105,7 +105,7 @@ def test_no_place_at_all_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPa
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr(cache, "_problem", lambda *_: "Permission denied")
-    monkeypatch.setattr(cache.tempfile, "mkdtemp", refuse)
+    monkeypatch.setattr("tempfile.mkdtemp", refuse)
     with pytest.raises(ps.DeviceError, match=r"\(Permission denied\).*\(Read-only file system\).*POCL_CACHE_DIR"):
         cache.prepare_caches()
 

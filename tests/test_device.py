@@ -156,6 +156,22 @@ def test_pyopencl_ctx_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
         select_device()
 
 
+@pytest.mark.parametrize(("bits", "single", "double"), [(0, 1, 1), (128, 4, 2), (256, 8, 4), (512, 8, 8)])
+def test_vectors_are_as_wide_as_the_registers_of_the_compiler(
+    monkeypatch: pytest.MonkeyPatch, bits: int, single: int, double: int
+) -> None:
+    """Without any the device gets the kernels of GPUs, whatever it calls itself."""
+    (device, *_) = ps.devices()
+    monkeypatch.setattr(device, "register_bits", bits)
+    monkeypatch.setattr(device, "has_float64", True)
+    for precision, wide in (("float32", single), ("float64", double)):
+        assert lanes(device, precision) == wide
+        for ordering, for_gpus in (("wavefront", "wavefront_tiles"), ("checkerboard", "checkerboard")):
+            tuning = Tuning.of(device, ordering, precision, (700, 800), 1)
+            assert tuning.lanes == wide
+            assert (tuning.variant == for_gpus) == (wide == 1)
+
+
 def test_contexts_and_programs_are_made_once() -> None:
     device = select_device()
     assert select_device() is device
