@@ -100,6 +100,17 @@ def test_a_cache_of_binaries_in_the_way_is_named(filled: tuple[Path, str], tmp_p
     assert "XDG_CACHE_HOME" in done.stderr
 
 
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="this system cannot ask for room")
+def test_a_full_disk_is_found_before_kernels_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(*_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    assert cache._problem(tmp_path / "new", 2**16) is None
+    monkeypatch.setattr(os, "posix_fallocate", fill)
+    assert cache._problem(tmp_path, 2**16) == "No space left on device"
+    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
+
+
 def test_no_place_at_all_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: str) -> str:
         raise OSError(errno.EROFS, "Read-only file system")

@@ -13,6 +13,7 @@ import pyopencl as cl
 
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.failures import in_words
 from persfs_cl.checks import changing_warnings, warn
 from persfs_cl.errors import KernelBuildError
 
@@ -96,12 +97,20 @@ def kernel(
         Of the kernel's function.
     scalars : sequence of type or None
         NumPy type of each argument that is a number; None for the buffers.
+
+    Raises
+    ------
+    KernelBuildError
+        As :func:`program`.
+    DeviceError
+        When the program has no such kernel, as one that a driver has left half-made.
     """
     key = (*_key(device, names, precision, definitions)[0], name)
     with device.lock:
         if key not in device.kernels:
-            made = cl.Kernel(program(device, names, precision, definitions), name)
-            made.set_scalar_arg_dtypes(scalars)
+            with in_words(device):
+                made = cl.Kernel(program(device, names, precision, definitions), name)
+                made.set_scalar_arg_dtypes(scalars)
             device.kernels[key] = made
         return device.kernels[key]
 
