@@ -275,6 +275,18 @@ class Camera:
         return cls((k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
 
 
+def require_camera(given: object) -> None:
+    """Refuse what is given for a camera and is none.
+
+    Raises
+    ------
+    InputError
+        Naming it.
+    """
+    if not isinstance(given, Camera):
+        raise InputError(f"camera={brief(given)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+
+
 def exif_focal_length(path: FilePath) -> tuple[float, str]:
     """The focal length that a photo's EXIF data describe, and by which of their tags.
 

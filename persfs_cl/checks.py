@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 import os
+import sys
+import threading
 import warnings
 from numbers import Real
 from typing import Any
@@ -16,6 +18,12 @@ from persfs_cl.errors import InputError
 
 _MOST_NUMBERS = 2**31
 """An array of more, such as a broadcast one that takes no memory, would be copied, and take all there is."""
+
+changing_warnings = threading.RLock()
+"""Held around `warnings.catch_warnings`, which changes a state that all threads share.
+
+Of two blocks at once, the one that ends last would bring back what the other had set.
+"""
 
 
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
@@ -29,7 +37,8 @@ def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
     """
     if isinstance(given, (str, bytes, os.PathLike)):
         raise InputError(f"{name}={brief(given)} is no array: read the file first if it is a path.")
-    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+    # Without that module there are none; its import would delay every start of the command.
+    if "numpy.ma" in sys.modules and isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise InputError(
             f"{name} is a masked array, whose mask would be lost: give {name}.filled(...), and the mask by itself."
         )
@@ -103,10 +112,7 @@ def finite_number(value: object) -> float:
 def finite_numbers(value: object) -> tuple[float, ...] | None:
     """The numbers in a scalar or a flat sequence, or None when it is neither, or one is not finite."""
     try:
-        with warnings.catch_warnings():
-            # Of what becomes of rows of unequal length.
-            warnings.simplefilter("error")
-            numbers = np.atleast_1d(np.asarray(value))
+        numbers = np.atleast_1d(np.asarray(value))
     except Exception:  # noqa: BLE001  # an object that is asked for an array may raise anything
         return None
     if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or numbers.size == 0:

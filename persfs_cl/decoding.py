@@ -8,15 +8,13 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from persfs_cl.checks import warn
+from persfs_cl.checks import changing_warnings, warn
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.files import FilePath
 
 _DEVELOPERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ImportWarning, ResourceWarning)
 # Harmless, or said otherwise.
 _IDLE = ("Palette images with Transparency", "is not a valid ORIENTATION")
-# The state of Python's warnings belongs to all threads.
-_one_at_a_time = threading.RLock()
 
 
 @contextmanager
@@ -53,7 +51,7 @@ def decoding(path: FilePath, failure: str = "is broken or not supported") -> Ite
         return False
 
     logger = logging.getLogger("tifffile")
-    with _one_at_a_time:
+    with changing_warnings:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             logger.addFilter(hold_back)

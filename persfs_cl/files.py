@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import errno
 import functools
+import json
+import math
 import os
 import platform
 import re
@@ -20,10 +22,11 @@ import stat
 import tempfile
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from persfs_cl.errors import InputError
 
@@ -223,6 +226,11 @@ def read_bytes(path: FilePath) -> bytes:
     return data
 
 
+def json_text(value: Any) -> str:
+    """A value as indented JSON, which every reader takes: null stands for NaN and infinity, which JSON has not."""
+    return json.dumps(_plain(value), indent=2, allow_nan=False)
+
+
 @contextmanager
 def _reserved(folder: Path) -> Iterator[str]:
     """How the names of temporary files and folders in a folder are to begin, locked until the block ends."""
@@ -301,6 +309,14 @@ def _machine() -> str:
     except OSError:  # not Linux
         text = platform.node()
     return uuid.uuid5(uuid.NAMESPACE_OID, text).hex[:8]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _kind(mode: int) -> str:

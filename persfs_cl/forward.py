@@ -13,7 +13,7 @@ from persfs_cl import reference
 from persfs_cl._cl import launches
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_floats, as_mask, brief
 from persfs_cl.choices import Precision
 from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
@@ -79,8 +79,7 @@ def render(
     Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
     """
     model = Model.of(light, reflectance)
-    if not isinstance(camera, Camera):
-        raise InputError(f"camera={brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+    require_camera(camera)
     if not isinstance(precision, str) or precision not in get_args(Precision):
         raise InputError(f"precision={brief(precision)} is not a choice: use one of {', '.join(get_args(Precision))}.")
     values = as_floats("depth", depth)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import to_float64, warn
+from persfs_cl.checks import as_array, to_float64, warn
 from persfs_cl.decoding import decoding
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
@@ -770,7 +770,7 @@ def _require_shape(
 
 
 def _grey_array(values: ArrayLike, name: str) -> NDArray[np.floating[Any]]:
-    array = np.asarray(values)
+    array = as_array(name, values)
     if array.dtype.kind not in "iuf":
         raise InputError(f"The {name} holds {array.dtype}, not numbers: give an array of floats.")
     if array.ndim != 2 or array.size == 0:

@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_array, brief, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.grey import (
@@ -238,8 +238,7 @@ def prepare_photo(
         raise InputError(f"photo={brief(photo)} is no Photo: give read_photo(path), or take the functions of grey.py.")
     if not isinstance(preparation, Preparation):
         raise InputError(f"preparation={brief(preparation)} is none: give Preparation(...), or leave it out.")
-    if not isinstance(camera, Camera):
-        raise InputError(f"camera={brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+    require_camera(camera)
     for name, number in (("ambient", preparation.ambient), ("saturation", preparation.saturation)):
         if isinstance(number, float) and photo.white is not None and number > photo.white:
             raise InputError(

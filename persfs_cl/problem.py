@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl import checks, domain
 from persfs_cl._cl.launches import Grid
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.camera import Camera, PixelGrid, require_camera
 from persfs_cl.errors import InputError
 from persfs_cl.light import FlashLight, ParallelLight
 from persfs_cl.models import Model
@@ -244,10 +244,7 @@ def prepare(
         When under a flash many pixels are as dark as what lies behind an object; when z = 1 is assumed on the outline
         of a mask that is no flat ground; when the principal point lies outside the image.
     """
-    if not isinstance(camera, Camera):
-        raise InputError(
-            f"camera={checks.brief(camera)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...)."
-        )
+    require_camera(camera)
     # A copy, so that the solution stays what it is whatever becomes of the user's array.
     photograph = np.array(checks.to_float64(require_image(image)), order="C")
     shape = photograph.shape

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import enum
-import json
-import math
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -22,7 +20,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.checks import as_array, as_floats, brief, warn
 from persfs_cl.confidence import Confidence, slope_error
 from persfs_cl.errors import InputError
-from persfs_cl.files import FilePath, as_path, atomic_path, filling
+from persfs_cl.files import FilePath, as_path, atomic_path, filling, json_text
 from persfs_cl.light import Light, ParallelLight
 from persfs_cl.reflectance import Reflectance
 
@@ -440,15 +438,5 @@ def _extremes(values: Array) -> dict[str, float | None]:
 
 def _write_json(target: Path, *entries: Mapping[str, Any] | None) -> None:
     merged = {name: value for some in entries for name, value in (some or {}).items()}
-    text = json.dumps(_plain(merged), indent=2, allow_nan=False)
     with atomic_path(target) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
-
-
-def _plain(value: Any) -> Any:
-    """The same with null for numbers that JSON has not."""
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        temporary.write_text(json_text(merged) + "\n", encoding="utf-8")

@@ -39,8 +39,8 @@ _CHOICES = {
     "precision": get_args(Precision),
 }
 
-_MAX_SLOPE = 30.0
-_MAX_SLOPE_UPWIND = 5.0
+MAX_SLOPE = 30.0
+MAX_SLOPE_UPWIND = 5.0
 _STEEPEST = 1e6
 _MOST_ITERATIONS = 10**9
 
@@ -242,7 +242,7 @@ def reconstruct_batch(
     model = Model.of(light, reflectance)
     scheme = model.scheme(options.scheme)
     options = options.resolved(model, scheme)
-    slope = float(options.max_slope or _MAX_SLOPE)
+    slope = float(options.max_slope or MAX_SLOPE)
     if callback is not None and not callable(callback):
         raise InputError(f"callback={brief(callback)} cannot be called: give a function of iteration and change.")
     if not isinstance(throw, (bool, np.bool_)):
@@ -430,7 +430,7 @@ class Options:
             )
         slope = self.max_slope
         if slope is None:
-            slope = _MAX_SLOPE_UPWIND if scheme == "upwind" and not flash else _MAX_SLOPE
+            slope = MAX_SLOPE_UPWIND if scheme == "upwind" and not flash else MAX_SLOPE
         return replace(self, boundary=boundary, scheme=scheme, max_slope=slope)
 
     @property

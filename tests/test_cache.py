@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -88,6 +89,38 @@ def test_an_unusable_cache_is_replaced_and_named(filled: tuple[Path, str], tmp_p
     assert list(tmp_path.iterdir()) == [in_the_way], "private caches go with their process"
 
 
+def test_a_cache_of_binaries_in_the_way_is_named(filled: tuple[Path, str], tmp_path: Path) -> None:
+    """Drivers other than PoCL need it."""
+    caches = tmp_path / "caches"
+    shutil.copytree(filled[0], caches, ignore=shutil.ignore_patterns("pyopencl"))
+    (caches / "pyopencl").touch()
+    done = run(XDG_CACHE_HOME=str(caches))
+    assert (done.returncode, done.stdout) == (0, filled[1])
+    assert f"The kernel cache {caches / 'pyopencl'} cannot be used" in done.stderr
+    assert "XDG_CACHE_HOME" in done.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="this system cannot ask for room")
+def test_a_full_disk_is_found_before_kernels_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(*_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    assert cache._problem(tmp_path / "new", 2**16) is None
+    monkeypatch.setattr(os, "posix_fallocate", fill)
+    assert cache._problem(tmp_path, 2**16) == "No space left on device"
+    assert not [file for file in tmp_path.rglob("*") if file.is_file()]
+
+
+def test_no_place_at_all_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: str) -> str:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(cache, "_problem", lambda *_: "Permission denied")
+    monkeypatch.setattr("tempfile.mkdtemp", refuse)
+    with pytest.raises(ps.DeviceError, match=r"\(Permission denied\).*\(Read-only file system\).*POCL_CACHE_DIR"):
+        cache.prepare_caches()
+
+
 def test_files_that_are_cut_short_are_told_from_whole_ones(filled: tuple[Path, str], tmp_path: Path) -> None:
     files = [file for pattern in ("program.bc", "*.so") for file in filled[0].rglob(pattern)]
     if not files:
@@ -114,6 +147,8 @@ def test_only_empty_files_that_pocl_has_forgotten_are_removed(tmp_path: Path) ->
 
 
 def test_what_the_cache_cannot_load_is_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Chosen first: that too may compile something.
+    chosen = select_device()
     tried = []
     usual = cl.Program.build
 
@@ -124,18 +159,20 @@ def test_what_the_cache_cannot_load_is_built_again(monkeypatch: pytest.MonkeyPat
         return usual(self, options)
 
     monkeypatch.setattr(cl.Program, "build", build)
-    program(select_device(), ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_THE_CACHE": 1})
+    program(chosen, ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_THE_CACHE": 1})
     assert len(tried) == 2
     assert set(tried[1]) - set(tried[0]) == {"-DATTEMPT=1"}
 
 
 def test_what_never_builds_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = select_device()
+
     def build(*_: object) -> None:
         raise cl.LogicError("clBuildProgram failed: INVALID_OPERATION")
 
     monkeypatch.setattr(cl.Program, "build", build)
     with pytest.raises(ps.KernelBuildError, match=r"INVALID_OPERATION(?s:.)*Delete the kernel cache"):
-        program(select_device(), ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_FAILURE": 1})
+        program(chosen, ["boundary", "renew"], "float32", {"ONLY_IN_THE_TEST_OF_FAILURE": 1})
 
 
 def test_the_compiler_is_heard_only_about_our_source(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:

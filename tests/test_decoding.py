@@ -5,9 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import warnings
+from typing import NoReturn
 
+import pyopencl as cl
 import pytest
 
+import persfs_cl as ps
+from persfs_cl._cl.program import program
 from persfs_cl.decoding import decoding
 from persfs_cl.errors import CameraError, InputError
 
@@ -33,6 +37,36 @@ def test_other_threads_keep_their_log(caplog: pytest.LogCaptureFixture) -> None:
         other.start()
         other.join()
     assert [record.getMessage() for record in caplog.records] == ["of another file"]
+
+
+def test_a_compilation_in_another_thread_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each would bring back the filters of warnings that the other had set for a while."""
+    begun = threading.Event()
+
+    def compiled(*_given: object) -> NoReturn:
+        begun.set()
+        raise cl.LogicError("enough")
+
+    (device, *_) = ps.devices()
+    assert device.context
+    monkeypatch.setattr(cl, "Program", compiled)
+    monkeypatch.setattr("persfs_cl._cl.program._ATTEMPTS", 1)
+    filters = list(warnings.filters)
+    failures: list[Exception] = []
+
+    def build() -> None:
+        try:
+            program(device, ["render"], "float32", {"LANES": 16})
+        except ps.KernelBuildError as error:
+            failures.append(error)
+
+    with decoding("a.tif"):
+        other = threading.Thread(target=build)
+        other.start()
+        assert not begun.wait(0.2)
+    other.join()
+    assert (begun.is_set(), len(failures)) == (True, 1)
+    assert warnings.filters == filters
 
 
 def test_what_is_meant_for_developers_stays_what_it_is() -> None:

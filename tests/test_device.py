@@ -18,7 +18,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl import device as device_module
 from persfs_cl._cl import selection
-from persfs_cl._cl.program import program
+from persfs_cl._cl.program import kernel, program
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.selection import select_device
 from persfs_cl._cl.tuning import Tuning
@@ -156,6 +156,22 @@ def test_pyopencl_ctx_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
         select_device()
 
 
+@pytest.mark.parametrize(("bits", "single", "double"), [(0, 1, 1), (128, 4, 2), (256, 8, 4), (512, 8, 8)])
+def test_vectors_are_as_wide_as_the_registers_of_the_compiler(
+    monkeypatch: pytest.MonkeyPatch, bits: int, single: int, double: int
+) -> None:
+    """Without any the device gets the kernels of GPUs, whatever it calls itself."""
+    (device, *_) = ps.devices()
+    monkeypatch.setattr(device, "register_bits", bits)
+    monkeypatch.setattr(device, "has_float64", True)
+    for precision, wide in (("float32", single), ("float64", double)):
+        assert lanes(device, precision) == wide
+        for ordering, for_gpus in (("wavefront", "wavefront_tiles"), ("checkerboard", "checkerboard")):
+            tuning = Tuning.of(device, ordering, precision, (700, 800), 1)
+            assert tuning.lanes == wide
+            assert (tuning.variant == for_gpus) == (wide == 1)
+
+
 def test_contexts_and_programs_are_made_once() -> None:
     device = select_device()
     assert select_device() is device
@@ -170,6 +186,17 @@ def test_a_kernel_that_does_not_compile_names_its_file_and_line(monkeypatch: pyt
     monkeypatch.setattr("persfs_cl._cl.program.kernel_source", lambda name: source if name == "renew" else "\n")
     with pytest.raises(ps.KernelBuildError, match=r"renew\.cl:3"):
         program(device, ["boundary", "renew"], "float32", {"ONLY_HERE": 1})
+
+
+def test_a_program_without_its_kernel_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise cl.LogicError("clCreateKernel failed: INVALID_KERNEL_NAME")
+
+    device = select_device()
+    program(device, ["boundary", "renew"], "float32")
+    monkeypatch.setattr(cl, "Kernel", refuse)
+    with pytest.raises(ps.DeviceError, match=r"INVALID_KERNEL_NAME.*devices --check"):
+        kernel(device, ["boundary", "renew"], "float32", None, "not there", [None])
 
 
 def test_a_missing_kernel_file_says_to_reinstall() -> None:

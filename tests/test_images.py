@@ -845,6 +845,9 @@ def test_writers_refuse_what_they_cannot_write(tmp_path: Path) -> None:
         write_grey(tmp_path / "a.jpg", np.ones(SHAPE))
     with pytest.raises(InputError, match=r"The image has shape \(7, 5, 3\)"):
         write_grey(tmp_path / "a.png", np.ones((*SHAPE, 3)))
+    for write, name, what in ((write_grey, "a.png", "image"), (write_depth, "a.npy", "depth")):
+        with pytest.raises(InputError, match=f"{what} is no array .*rows of equal length"):
+            write(tmp_path / name, [[1.0], [1.0, 2.0]])
     with pytest.raises(InputError, match="bits=12 is impossible: give 8 or 16"):
         write_grey(tmp_path / "a.png", np.ones(SHAPE), wrong)
     with pytest.raises(InputError, match="encoding=12 is unknown: give srgb or linear"):

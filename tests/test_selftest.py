@@ -405,11 +405,36 @@ def test_no_device_has_nothing_to_test(more: tuple[str, ...], monkeypatch: pytes
     assert "pip install pocl-binary-distribution" in result.stderr
 
 
+def test_devices_are_tested_though_none_compiles(
+    pretended: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def register_bits(device: ps.Device) -> int:
+        raise ps.KernelBuildError(f"{device} does not compile.")
+
+    pretended(goes_on(0))
+    monkeypatch.setattr("persfs_cl._cl.selection.register_bits", register_bits)
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+    result = invoked("--check", "--quick", "--json")
+    entries = json.loads(result.stdout)
+    assert [(entry["index"], entry["default"]) for entry in entries] == [(one.index, False) for one in ps.devices()]
+    assert all("cases" in entry["check"] for entry in entries)
+    assert result.exit_code == 1
+    assert "does not compile" in result.stderr
+
+
 @pytest.mark.parametrize("option", ["--quick", "--fresh", "--time-limit=3", "--case-limit=3"])
 def test_options_of_the_test_want_the_test(option: str) -> None:
     result = invoked(option)
     assert result.exit_code == 2
     assert "--check" in result.stderr
+
+
+def test_differences_without_a_number_leave_json_that_everybody_reads(pretended: Callable[[str], None]) -> None:
+    pretended("say('end', case=0, status='failed', message='wrong', difference=float('inf'), seconds=0)\nsys.exit()")
+    result = invoked("--check", "--quick", "--device=0", "--json")
+    (entry,) = json.loads(result.stdout, parse_constant=pytest.fail)
+    assert entry["check"]["cases"][0]["difference"] is None
+    assert entry["check"]["cases"][0]["status"] == "failed"
 
 
 def test_fresh_moves_the_caches(pretended: Callable[[str], None]) -> None:

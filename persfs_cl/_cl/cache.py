@@ -18,6 +18,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from persfs_cl.errors import DeviceError
+
 _POCL, _ALL = "POCL_CACHE_DIR", "XDG_CACHE_HOME"
 _POCL_NEEDS, _PYOPENCL_NEEDS = 2**23, 2**16
 """Bytes that must be free: a few programs' worth, and a few lines about the arguments of kernels."""
@@ -40,24 +42,37 @@ def prepare_caches() -> list[str]:
     -------
     list of str
         What to warn of: a folder that cannot be used, so that kernels are compiled again in each process.
+
+    Raises
+    ------
+    DeviceError
+        When there is no temporary folder in place of one that cannot be used.
     """
     root = _root()
-    pocl, pyopencl = pocl_cache(), root / "pytools"
-    found = [
-        (pocl, _POCL, _problem(pocl, _POCL_NEEDS)),
-        (pyopencl, _ALL, _problem(pyopencl, _PYOPENCL_NEEDS)),
-    ]
-    if found[0][2] is None:
+    pocl, arguments, binaries = pocl_cache(), root / "pytools", root / "pyopencl"
+    unusable = []
+    if problem := _problem(pocl, _POCL_NEEDS):
+        unusable.append((pocl, _POCL, problem))
+    else:
         _clean_pocl(pocl)
         # Also where the other variable is about to change.
         os.environ[_POCL] = str(pocl)
-    if found[1][2] is None:
-        _clean_pyopencl(pyopencl)
+    for folder in (arguments, binaries):
+        if problem := _problem(folder, _PYOPENCL_NEEDS):
+            unusable.append((folder, _ALL, problem))
+            break  # one variable moves both
+    else:
+        _clean_pyopencl(arguments)
     said = []
-    for folder, variable, problem in found:
-        if problem is None:
-            continue
-        private = tempfile.mkdtemp(prefix="persfs-cl-kernels-")
+    for folder, variable, problem in unusable:
+        try:
+            private = tempfile.mkdtemp(prefix="persfs-cl-kernels-")
+        except OSError as error:
+            raise DeviceError(
+                f"There is no place for compiled kernels: the cache {folder} cannot be used ({problem}), and there is "
+                f"no temporary folder ({error.strerror or error}). Make one of them writable, or name another one in "
+                f"the environment variable {variable}."
+            ) from error
         atexit.register(shutil.rmtree, private, ignore_errors=True)
         os.environ[variable] = private
         said.append(
@@ -71,6 +86,14 @@ def pocl_cache() -> Path:
     """Where PoCL keeps compiled kernels."""
     chosen = os.environ.get(_POCL)
     return Path(chosen) if chosen else _root() / "pocl" / "kcache"
+
+
+def cache_folders(folder: Path) -> dict[str, str]:
+    """Environment that moves every cache of compiled kernels into a folder."""
+    names = (_ALL, _POCL, "CUDA_CACHE_PATH")
+    for name in names:
+        (folder / name).mkdir(exist_ok=True)
+    return {name: str(folder / name) for name in names}
 
 
 def _root() -> Path:
@@ -150,4 +173,5 @@ def _clean_pyopencl(folder: Path) -> None:
         except sqlite3.DatabaseError:
             whole = False
         if not whole:
-            file.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # another's
+                file.unlink()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import operator
 import os
 import re
 import threading
@@ -22,6 +21,9 @@ INSTALL_HINT = (
     "'apt install pocl-opencl-icd' (CPU, Debian and Ubuntu), or your GPU's driver. "
     "'persfs-cl devices' lists what is found."
 )
+
+_KINDS = ("cpu", "gpu", "other")
+"""In the order that devices are listed in."""
 
 _finding = threading.Lock()
 _owner: int | None = None
@@ -194,9 +196,9 @@ def _kind(handle: cl.Device) -> str:
     return "other"
 
 
-def _age(handle: cl.Device) -> tuple[int, ...]:
+def _age(device: Device) -> tuple[int, ...]:
     """Negated version of PoCL, so that the newest sorts first: "OpenCL 3.0 PoCL 3.1+debian ..." is 3.1."""
-    version = re.search(r"PoCL (\d+)\.(\d+)", handle.platform.version)
+    version = re.search(r"PoCL (\d+)\.(\d+)", device.platform_version)
     return tuple(-int(number) for number in version.groups()) if version else ()
 
 
@@ -221,21 +223,19 @@ def _all_devices() -> tuple[Device, ...]:
     found = []
     for handle in handles:
         try:
-            found.append((_rank(handle), Device(0, handle)))
+            found.append(Device(0, handle))
         except cl.Error as error:
             warn(f"An OpenCL device that does not say what it is was left out: {error}")
-    found.sort(key=operator.itemgetter(0))
-    for index, (_, device) in enumerate(found):
+    found.sort(key=_rank)
+    for index, device in enumerate(found):
         device.index = index
-    return tuple(device for _, device in found)
+    return tuple(found)
 
 
-def _rank(handle: cl.Device) -> tuple[bool, int, int, tuple[int, ...]]:
+def _rank(device: Device) -> tuple[bool, int, bool, tuple[int, ...]]:
     """The order of devices; of equal ones the driver's own is kept."""
     # Versions of two makers say nothing about each other. PoCL comes with the package, and its tests run on it.
-    is_pocl = "PoCL" in handle.platform.version
-    kind = {"cpu": 0, "gpu": 1, "other": 2}[_kind(handle)]
-    return not handle.double_fp_config, kind, int(not is_pocl), _age(handle) if is_pocl else ()
+    return not device.has_float64, _KINDS.index(device.kind), not device.is_pocl, _age(device)
 
 
 def _name_or_number(platform: cl.Platform, number: int) -> str:

@@ -77,7 +77,8 @@ def multiplier(device: Device, precision: str) -> tuple[Callable[[int], None], i
     multiplying = kernel(device, ["roofline"], precision, {"LANES": wide}, "multiply_adds", scalars)
     items = device.compute_units * (4 if wide > 1 else 2048)
     rounds = 4096
-    results = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, items * real.itemsize)
+    with in_words(device):
+        results = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, items * real.itemsize)
 
     def multiply(count: int) -> None:
         for _ in range(count):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,15 +13,14 @@ import pyopencl as cl
 
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
-from persfs_cl.checks import warn
+from persfs_cl._cl.failures import in_words
+from persfs_cl.checks import changing_warnings, warn
 from persfs_cl.errors import KernelBuildError
 
 _LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).resolve().parent.parent
 _ATTEMPTS = 3
-"""Times that a program is made: what lies in a damaged cache is passed over by another number in its source."""
-_WARNINGS_LOCK = threading.Lock()
-"""Python's list of filters for warnings is one for all threads."""
+"""Times that a program is made: what lies in a damaged cache is passed over by another number in its options."""
 
 
 def _kernel_directory() -> Path:
@@ -99,12 +97,20 @@ def kernel(
         Of the kernel's function.
     scalars : sequence of type or None
         NumPy type of each argument that is a number; None for the buffers.
+
+    Raises
+    ------
+    KernelBuildError
+        As :func:`program`.
+    DeviceError
+        When the program has no such kernel, as one that a driver has left half-made.
     """
     key = (*_key(device, names, precision, definitions)[0], name)
     with device.lock:
         if key not in device.kernels:
-            made = cl.Kernel(program(device, names, precision, definitions), name)
-            made.set_scalar_arg_dtypes(scalars)
+            with in_words(device):
+                made = cl.Kernel(program(device, names, precision, definitions), name)
+                made.set_scalar_arg_dtypes(scalars)
             device.kernels[key] = made
         return device.kernels[key]
 
@@ -145,7 +151,7 @@ def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -
 
 def _compiled(device: Device, source: str, options: Sequence[str], names: Sequence[str]) -> cl.Program:
     """The program. What the compiler says goes to the log, and becomes a warning where it is about our source."""
-    with _WARNINGS_LOCK, warnings.catch_warnings():
+    with changing_warnings, warnings.catch_warnings():
         # All of it is read below.
         warnings.simplefilter("ignore", cl.CompilerWarning)
         built: cl.Program = cl.Program(device.context, source).build(options)

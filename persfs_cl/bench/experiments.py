@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+from persfs_cl._cl.cache import cache_folders
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench import fresh
@@ -128,7 +129,7 @@ def compilation(plan: Plan) -> Iterator[list[Record]]:
         seconds: dict[str, list[float]] = {"empty caches": [], "filled caches": []}
         for _ in range(max(1, plan.repeats // 2)):
             with tempfile.TemporaryDirectory(prefix="persfs-cl-") as folder:
-                caches = fresh.cache_folders(Path(folder))
+                caches = cache_folders(Path(folder))
                 for values in seconds.values():
                     took = fresh.run_fresh(*arguments, environment=caches)
                     values.append(took["first"] - took["second"])

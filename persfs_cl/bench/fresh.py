@@ -35,11 +35,9 @@ def run_fresh(*arguments: str, environment: Mapping[str, str] | None = None) -> 
         When it fails.
     """
     command = [sys.executable, "-m", "persfs_cl.bench.fresh", *arguments]
-    # Where the package lies in the working directory, a new interpreter must find it there too.
-    search = os.pathsep.join(path for path in sys.path if path)
     done = subprocess.run(
         command,
-        env={**os.environ, "PYTHONPATH": search, **(environment or {})},
+        env=child_environment(environment or {}),
         capture_output=True,
         text=True,
         check=False,
@@ -50,12 +48,11 @@ def run_fresh(*arguments: str, environment: Mapping[str, str] | None = None) -> 
     return values
 
 
-def cache_folders(folder: Path) -> dict[str, str]:
-    """Environment that moves every cache of compiled kernels into a folder."""
-    names = ("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH")
-    for name in names:
-        (folder / name).mkdir(exist_ok=True)
-    return {name: str(folder / name) for name in names}
+def child_environment(more: Mapping[str, str]) -> dict[str, str]:
+    """The environment of a new interpreter that is to import this very package, with some more variables."""
+    # Where the package lies in the working directory, it must be found there too.
+    search = os.pathsep.join(path for path in sys.path if path)
+    return {**os.environ, "PYTHONPATH": search, **more}
 
 
 def compilation(device: int, ordering: Ordering, precision: Precision) -> dict[str, float]:

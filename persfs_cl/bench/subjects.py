@@ -17,10 +17,10 @@ from persfs_cl.light import ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 from persfs_cl.reflectance import Lambertian
+from persfs_cl.solver import MAX_SLOPE
 
 # Oblique, so that no term of the equation vanishes.
 _LIGHT = ParallelLight(0.2, -0.1)
-_MAX_SLOPE = 30.0
 # A change is never negative: the tolerance is never met, so that no image rests while it is measured.
 _NEVER = -1.0
 
@@ -63,7 +63,7 @@ def smooth_problem(size: int, scheme: str = "lax-friedrichs") -> Problem:
     image, camera, model = smooth_image(size), Camera(float(size)), Model.of(_LIGHT, Lambertian())
     frame = np.full((size, size), np.nan)
     frame[[0, -1]] = frame[:, [0, -1]] = 1.0
-    return prepare(image, camera, None, None, frame, model, scheme, "away", "fixed", _MAX_SLOPE)
+    return prepare(image, camera, None, None, frame, model, scheme, "away", "fixed", MAX_SLOPE)
 
 
 def swept_cells(problem: Problem) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 import tempfile
@@ -16,12 +15,13 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from persfs_cl._cl.cache import cache_folders
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.device import devices as list_devices
 from persfs_cl._cl.selection import select_device
-from persfs_cl.bench.fresh import cache_folders
 from persfs_cl.circumstances import circumstances
-from persfs_cl.errors import DeviceError
+from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
+from persfs_cl.files import json_text
 from persfs_cl.selftest.supervisor import Report, Show, child_command, examine
 
 _CHECK = "Of --check"
@@ -89,11 +89,11 @@ def devices(
     if not check and (quick or fresh or time_limit is not None or case_limit != _CASE_LIMIT):
         raise typer.BadParameter("--quick, --time-limit, --case-limit and --fresh are for a test: add --check.")
     found = list_devices()
-    problem = None
+    problem: PersfsError | None = None
     default = None
     try:
         default = select_device()
-    except DeviceError as error:
+    except (DeviceError, KernelBuildError) as error:
         problem = error
     chosen = found if device == _ALL else [select_device(device)]
     entries = [_entry(one, default) for one in chosen]
@@ -108,7 +108,7 @@ def devices(
     elif chosen and not as_json:
         _table(chosen, default)
     if as_json:
-        typer.echo(json.dumps(entries, indent=2))
+        typer.echo(json_text(entries))
     for one, report in zip(chosen, reports, strict=False):
         _complain(one, report)
     if problem:

@@ -10,13 +10,13 @@ from persfs_cl.models import Model
 from persfs_cl.problem import Problem, prepare
 from persfs_cl.reflectance import Reflectance
 from persfs_cl.scenes import Scene, bump, hillside
+from persfs_cl.solver import MAX_SLOPE, MAX_SLOPE_UPWIND
 
 SMALL = (9, 13)
 LARGE = (270, 250)
 """More than one work-group is given: several share the image."""
 _SMOOTH = 31
 _SEED = 7
-_MAX_SLOPE, _MAX_SLOPE_UPWIND = 30.0, 5.0
 _DARKEST, _BRIGHTEST = 0.35, 0.98
 """Of what the material returns at most: darker pixels leave some lights no slope at all."""
 
@@ -42,7 +42,7 @@ def noise(
     if boundary == "fixed":
         mask[:] = True
         known[[0, -1]] = known[:, [0, -1]] = 1.0
-    return prepare(image, camera, mask, None, known, model, scheme, surface, boundary, _MAX_SLOPE)
+    return prepare(image, camera, mask, None, known, model, scheme, surface, boundary, MAX_SLOPE)
 
 
 def smooth(light: Light, reflectance: Reflectance) -> tuple[Scene, Problem]:
@@ -51,10 +51,10 @@ def smooth(light: Light, reflectance: Reflectance) -> tuple[Scene, Problem]:
     model = Model.of(light, reflectance)
     if model.falls_off:
         scene = hillside(shape, light=light, reflectance=reflectance, surface="toward")
-        known, surface, slope = None, "away", _MAX_SLOPE
+        known, surface, slope = None, "away", MAX_SLOPE
     else:
         scene = bump(shape, light=light, reflectance=reflectance, surface="toward", focal_length=2.0 * _SMOOTH)
-        known, surface, slope = scene.known_depth, "toward", _MAX_SLOPE_UPWIND
+        known, surface, slope = scene.known_depth, "toward", MAX_SLOPE_UPWIND
     return scene, prepare(scene.image, scene.camera, None, None, known, model, "upwind", surface, "wall", slope)
 
 

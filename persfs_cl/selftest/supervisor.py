@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
+from persfs_cl.bench.fresh import child_environment
 from persfs_cl.selftest.cases import Case, cases
 
 Show = Callable[[str], None]
@@ -243,12 +244,10 @@ def _process(
     command: Sequence[str], environment: Mapping[str, str]
 ) -> Iterator[tuple[subprocess.Popen[bytes], BinaryIO]]:
     """A process in a group of its own, which ends with the block, and the file that its standard error goes to."""
-    # Where the package lies in the working directory, a new interpreter must find it there too.
-    search = os.pathsep.join(path for path in sys.path if path)
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
             list(command),
-            env={**os.environ, "PYTHONPATH": search, **environment},
+            env=child_environment(environment),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=said,
