@@ -30,6 +30,7 @@ help:
 install: $(INSTALLED)
 
 $(INSTALLED): pyproject.toml
+	@echo "Installing into $(VENV), which takes a minute or two."
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --editable '.[dev]'
 	touch $@

@@ -317,6 +317,8 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
                 "resized or cropped, give focal_length, in pixels.",
             )
         return by_film, "FocalLengthIn35mmFilm"
+    if not tags:
+        raise CameraError(f"{path} has no EXIF data: the focal length in pixels is unknown. {_TELL}")
     if not (length and resolution and unit):
         missing = "FocalLengthIn35mmFilm"
         if not length:

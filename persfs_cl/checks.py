@@ -121,6 +121,26 @@ def finite_numbers(value: object) -> tuple[float, ...] | None:
     return None if any(map(math.isnan, found)) else found
 
 
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """InputError when the value of an argument is none of the choices."""
+    if not isinstance(value, str) or value not in choices:
+        *first, last = (f'"{choice}"' for choice in choices)
+        listed = f"{', '.join(first)} or {last}"
+        raise InputError(f"{name}={brief(value)} is unknown: choose {listed}.")
+
+
+def check_finite(name: str, *values: float) -> None:
+    """InputError when an argument is no number, or not finite."""
+    if any(math.isnan(finite_number(value)) for value in values):
+        raise InputError(f"{name}={brief(values if len(values) > 1 else values[0])} is not finite: give numbers.")
+
+
+def check_positive(name: str, value: float) -> None:
+    """InputError when an argument is no finite number above 0."""
+    if not finite_number(value) > 0:
+        raise InputError(f"{name}={brief(value)} is not a length: give a finite number above 0.")
+
+
 def warn(message: str) -> None:
     """Warn, in the place where the package was called from, however many of its functions lie between."""
     # Context managers and decorators of the standard library may lie between.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import as_array, to_float64, warn
+from persfs_cl.checks import as_array, check_choice, to_float64, warn
 from persfs_cl.decoding import decoding
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, as_path, atomic_path, read_bytes
@@ -193,10 +193,8 @@ def read_photo(
     UserWarning
         When the file is damaged or odd, but was read.
     """
-    if channel not in get_args(Channel):
-        raise InputError(f"channel={channel!r} is unknown: give one of {', '.join(get_args(Channel))}.")
-    if encoding not in get_args(Encoding):
-        raise InputError(f"encoding={encoding!r} is unknown: give one of {', '.join(get_args(Encoding))}.")
+    check_choice("channel", channel, get_args(Channel))
+    check_choice("encoding", encoding, get_args(Encoding))
     path = as_path(path)
     raster = _read_raster(path)
     _require_brightness(path, raster, keep_nan=keep_nan)

@@ -533,10 +533,10 @@ def warn_of_steep_outline(
     tilt = math.degrees(float(np.median(tilts)))
     if tilt > _STEEPEST_GROUND:
         checks.warn(
-            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1, but by its "
-            f"brightness half of it is tilted by {tilt:.0f} degrees or more, as that of a round object. Then a flat "
-            "sheet, or the outline inflated like a balloon, is mostly nearer to the truth than this surface: give "
-            "known_depth, at the nearest points of the object say, or photograph with a flash."
+            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1; but by its "
+            f"brightness half of it is {tilt:.0f} degrees or more from flat, as where an object turns away. The "
+            "surface may then be worse than a flat sheet, or than the outline inflated like a balloon: give "
+            "known_depth, try the other surface, or clip highlights if they set the white level."
         )
 
 

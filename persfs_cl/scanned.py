@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.errors import InputError
 from persfs_cl.files import FilePath, read_bytes
 from persfs_cl.light import Light, ParallelLight
 from persfs_cl.reflectance import Lambertian, Reflectance
-from persfs_cl.scenes import Photograph, Scene, check_choice, check_finite, check_positive, square_camera
+from persfs_cl.scenes import Photograph, Scene, square_camera
 
 if TYPE_CHECKING:
     import trimesh

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import brief, finite_number
+from persfs_cl.checks import brief, check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.light import Light, ParallelLight
@@ -624,22 +624,3 @@ def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
 
 def _is_whole(value: object) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
-
-
-def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """InputError when the value of an argument is none of the choices."""
-    if not isinstance(value, str) or value not in choices:
-        listed = " or ".join(f'"{choice}"' for choice in choices)
-        raise InputError(f"{name}={brief(value)} is unknown: choose {listed}.")
-
-
-def check_finite(name: str, *values: float) -> None:
-    """InputError when an argument is no number, or not finite."""
-    if any(math.isnan(finite_number(value)) for value in values):
-        raise InputError(f"{name}={brief(values if len(values) > 1 else values[0])} is not finite: give numbers.")
-
-
-def check_positive(name: str, value: float) -> None:
-    """InputError when an argument is no finite number above 0."""
-    if not finite_number(value) > 0:
-        raise InputError(f"{name}={brief(value)} is not a length: give a finite number above 0.")

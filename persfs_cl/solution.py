@@ -40,10 +40,10 @@ class Status(enum.Enum):
 
     CONVERGED = "The largest change over an iteration is at most the tolerance."
     MAX_ITERATIONS = (
-        "The iterations ran out first: raise max_iterations, or accept a larger tolerance. Or, with a lamp beside the "
-        "camera, its rounds did: have it nearer to the camera."
+        "The iterations ran out before the tolerance was met: raise max_iterations, or accept a larger tolerance; "
+        "where a lamp beside the camera is found in rounds, have it nearer to the camera."
     )
-    STOPPED = "The callback, or the user, ended the iteration: the surface is what it was then."
+    STOPPED = "It was ended before the tolerance was met, by Ctrl-C or a callback: the surface is unfinished."
 
 
 @dataclass(frozen=True)

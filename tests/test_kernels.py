@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, fitted, random_problem, sw
 from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
 from persfs_cl._cl import launches
 from persfs_cl._cl.launches import DIRECTIONS, Sweeper
+from persfs_cl._cl.program import kernel_names, kernel_source
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.problem import Problem
 from persfs_cl.reference import ParallelEquation, Reference
@@ -490,3 +492,9 @@ def test_known_values_stay(device: Device, precision: str) -> None:
         float(kernel.run(1)[0, 0])
     known = problem.domain.known
     np.testing.assert_array_equal(kernel.log_depth()[0][known], problem.start[known].astype(precision))
+
+
+@pytest.mark.parametrize("name", kernel_names())
+def test_the_library_is_given_no_vectors(name: str) -> None:
+    """Its functions may be compiled for wider registers than the kernels: PoCL's then end the process."""
+    assert not re.search(r"\b(convert_|vload|vstore|native_|half_\w+\()", kernel_source(name))

@@ -505,7 +505,7 @@ def test_the_outline_of_a_round_object_is_no_flat_ground(light: ps.ParallelLight
     image, mask = ball(40, light)
     camera = ps.Camera(400.0)
     keywords: dict[str, Any] = {"light": light, "max_iterations": 2}
-    with pytest.warns(UserWarning, match="flat sheet, or the outline inflated.*: give known_depth") as caught:
+    with pytest.warns(UserWarning, match="flat sheet, or than the outline inflated.*: give known_depth") as caught:
         ps.reconstruct(image, camera, mask=mask, **keywords)
     assert [warning.filename for warning in caught] == [__file__]
     # Neither where depth is known, nor where all that is dark lies on the frame of the image.

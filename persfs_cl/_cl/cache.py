@@ -13,6 +13,7 @@ import os
 import shutil
 import sqlite3
 import struct
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -25,8 +26,8 @@ _POCL_NEEDS, _PYOPENCL_NEEDS = 2**23, 2**16
 """Bytes that must be free: a few programs' worth, and a few lines about the arguments of kernels."""
 _FORGOTTEN = 3600.0
 """Seconds after which PoCL's temporary files are no longer in use."""
-_MOST_LOOKED_AT = 20_000
-"""Files, so that a huge cache does not delay the start by more than a fraction of a second."""
+_LONGEST_LOOK = 0.5
+"""Seconds, so that a huge cache, or a slow disk, does not delay the start by more."""
 _ELF64_SECTIONS = struct.Struct("<40xQ10xHH")
 """Of an ELF header: where the table of sections begins, the size of an entry, and how many there are."""
 _BITCODE_BLOCK = struct.Struct("<II")
@@ -57,7 +58,8 @@ def prepare_caches() -> list[str]:
         _clean_pocl(pocl)
         # Also where the other variable is about to change.
         os.environ[_POCL] = str(pocl)
-    for folder in (arguments, binaries):
+    # Elsewhere pyopencl's caches lie in the system's own places, and no variable moves them.
+    for folder in (arguments, binaries) if sys.platform == "linux" else ():
         if problem := _problem(folder, _PYOPENCL_NEEDS):
             unusable.append((folder, _ALL, problem))
             break  # one variable moves both
@@ -107,11 +109,8 @@ def _problem(folder: Path, needed: int) -> str | None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as file:
-            if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), 0, needed)
-            else:
-                file.write(bytes(needed))
-                file.flush()
+            file.write(bytes(needed))
+            file.flush()
     except OSError as error:
         return error.strerror or str(error)
     return None
@@ -126,8 +125,9 @@ def _clean_pocl(folder: Path) -> None:
             status = file.stat()
             if status.st_size == 0 and status.st_mtime < long_ago:
                 file.unlink()
-    for looked_at, (program, file) in enumerate(_compiled(folder)):
-        if looked_at >= _MOST_LOOKED_AT:
+    end = time.monotonic() + _LONGEST_LOOK
+    for program, file in _compiled(folder):
+        if time.monotonic() > end:
             break
         if not _is_whole(file):
             shutil.rmtree(program, ignore_errors=True)

@@ -137,8 +137,13 @@ class Device:
         """Whether this is the device behind a handle of pyopencl."""
         return bool(self._handle == handle)
 
+    @property
+    def version(self) -> str:
+        """The platform's version without what PoCL adds of how it was built, set off by two spaces."""
+        return self.platform_version.partition("  ")[0]
+
     def __str__(self) -> str:
-        return f"{self.name} ({self.platform}, {self.platform_version})"
+        return f"{self.name} ({self.platform}, {self.version})"
 
     def __repr__(self) -> str:
         return f"Device({self.index}, {self.kind}, {self})"

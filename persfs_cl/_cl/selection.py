@@ -47,7 +47,7 @@ def select_device(selector: int | str | Device | None = None) -> Device:
     if isinstance(selector, (int, np.integer)) and not isinstance(selector, bool):
         if 0 <= selector < len(found):
             return found[selector]
-        raise DeviceError(f"device={selector} does not exist. There are: {listing}. {_SELECT}")
+        raise DeviceError(f"device={selector} does not exist. The devices here are {listing}. {_SELECT}")
     if isinstance(selector, str) and selector.strip():
         if selector.strip().isdecimal() and len(selector.strip()) < 10:
             return select_device(int(selector))
@@ -56,7 +56,7 @@ def select_device(selector: int | str | Device | None = None) -> Device:
             by_name = wanted in f"{device.name} {device.platform} {device.platform_version}".lower()
             if device.kind == wanted or (wanted not in ("cpu", "gpu") and by_name):
                 return device
-        raise DeviceError(f"No OpenCL device fits device={brief(selector)}. There are: {listing}. {_SELECT}")
+        raise DeviceError(f"No OpenCL device fits device={brief(selector)}. The devices here are {listing}. {_SELECT}")
     raise DeviceError(
         f"device={brief(selector)} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
     )

@@ -92,7 +92,7 @@ persfs-cl paper -o result
 
 persfs-cl paper --quick
 
-It needs numba: pip install 'persfs-cl\\[paper]'.
+It needs numba: pip install numba.
 
 Ctrl-C keeps the tables that are finished; the exit status is 130.
 """

@@ -79,6 +79,9 @@ def compare(
     if kind == "auto":
         images = {".png", ".jpg", ".jpeg"} & {first.suffix.lower(), second.suffix.lower()}
         kind = "image" if images else "depth"
+        maps = [path for path in (first, second) if path.suffix.lower() == ".npy"]
+        if images and maps:
+            raise InputError(f"{maps[0]} is a depth map, and the other file an image: give two of a kind.")
     values, turned = [], 1
     for path in (first, second):
         if kind == "depth":

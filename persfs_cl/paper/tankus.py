@@ -35,14 +35,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import finite_number
+from persfs_cl.checks import check_choice, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.light import ParallelLight
 from persfs_cl.models import Model
 from persfs_cl.paper import fast_marching
 from persfs_cl.problem import Problem, prepare
 from persfs_cl.reflectance import Lambertian
-from persfs_cl.scenes import check_choice
 
 Array = NDArray[np.float64]
 

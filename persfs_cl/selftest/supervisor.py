@@ -56,6 +56,11 @@ class Report:
         """Whether nothing is wrong."""
         return not self.failures
 
+    @property
+    def compiles(self) -> bool:
+        """Whether any kernel came as far as to be compared with the reference."""
+        return any(result["status"] == "ok" for result in self.results)
+
 
 def child_command(device: int) -> list[str]:
     """How the child of a device is started; more arguments follow."""
@@ -109,6 +114,8 @@ def examine(
         if fault:
             crashes += 1
     report.results += [_result(case, status="skipped", message="not reached") for case in listed[len(report.results) :]]
+    if not (report.failures or report.compiles):
+        report.failures.append("nothing was tested within the time limit")
     report.seconds = time.monotonic() - began
     return report
 
@@ -136,7 +143,7 @@ class _Child:
                 line = lines.get(timeout=self.case_limit)
             except queue.Empty:
                 self.hopeless = True
-                return self._fail(f"no answer within {self.case_limit:g} s")
+                return self._fail(f"unusable here: no answer within {self.case_limit:g} s")
             if line is None:
                 return self._ended(process.wait())
             try:
