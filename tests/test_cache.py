@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import errno
+import contextlib
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -18,7 +20,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl import cache
 from persfs_cl._cl import program as program_module
-from persfs_cl._cl.program import program
+from persfs_cl._cl.program import kernel, program
 from persfs_cl._cl.selection import select_device
 
 RENDER = "import persfs_cl as ps; s = ps.vase((9, 9)); print(ps.render(s.depth, s.camera).sum())"
@@ -56,6 +58,8 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         ("*.so", 0),
         ("*.sqlite", 3000),
         ("*.sqlite", None),
+        ("*.so", None),
+        ("program.bc", None),
     ],
 )
 def test_a_damaged_cache_is_made_whole_without_a_word(
@@ -74,6 +78,35 @@ def test_a_damaged_cache_is_made_whole_without_a_word(
             os.truncate(file, size)
     second = run(XDG_CACHE_HOME=str(damaged))
     assert (second.returncode, second.stdout, second.stderr) == (0, printed, "")
+
+
+@pytest.mark.parametrize("change", ["DROP TABLE dict", "UPDATE dict SET key_value = x'00ff'", "a folder"])
+def test_a_database_of_another_form_does_no_harm(filled: tuple[Path, str], tmp_path: Path, change: str) -> None:
+    folder, printed = filled
+    damaged = tmp_path / "caches"
+    shutil.copytree(folder, damaged)
+    (file,) = damaged.rglob("*invoker*.sqlite")
+    if change == "a folder":
+        file.unlink()
+        file.mkdir()
+    else:
+        with contextlib.closing(sqlite3.connect(file)) as database:
+            database.execute(change)
+            database.execute("CREATE TABLE IF NOT EXISTS dict (other TEXT)")
+            database.commit()
+    second = run(XDG_CACHE_HOME=str(damaged))
+    assert (second.returncode, second.stdout, second.stderr) == (0, printed, "")
+
+
+def test_a_kernel_that_cannot_be_prepared_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError("no room")
+
+    device, constants = select_device(), {"ONLY_IN_THE_TEST_OF_KERNELS": 1}
+    monkeypatch.setattr(cl, "_PYOPENCL_NO_CACHE", False)
+    monkeypatch.setattr(cl, "Kernel", refuse)
+    with pytest.raises(ps.KernelBuildError, match=r"renew_boundary cannot be prepared \(OSError: no room\)"):
+        kernel(device, ["boundary", "renew"], "float32", constants, "renew_boundary", [])
 
 
 @pytest.mark.parametrize("variable", ["POCL_CACHE_DIR", "XDG_CACHE_HOME"])
@@ -100,7 +133,6 @@ def test_a_cache_of_binaries_in_the_way_is_named(filled: tuple[Path, str], tmp_p
     assert "XDG_CACHE_HOME" in done.stderr
 
 
-@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="this system cannot ask for room")
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_a_full_disk_is_found_before_kernels_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert cache._problem(tmp_path / "new", 2**16) is None
@@ -110,14 +142,30 @@ def test_a_full_disk_is_found_before_kernels_are(tmp_path: Path, monkeypatch: py
     assert not [file for file in tmp_path.rglob("*") if file.is_file()]
 
 
-def test_no_place_at_all_is_an_error_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(**_: str) -> str:
-        raise OSError(errno.EROFS, "Read-only file system")
+@pytest.mark.parametrize("reason", ["no folder", "no more files"])
+def test_where_no_cache_can_be_the_reason_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, reason: str) -> None:
+    usual = os.statvfs(tmp_path)
+    in_the_way = tmp_path / "file"
+    in_the_way.touch()
+    monkeypatch.setenv("POCL_CACHE_DIR", str(in_the_way) if reason != "no more files" else str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing" if reason == "no folder" else tmp_path))
+    said = {
+        "no folder": "No such file or directory",
+        "no more files": "the disk has room for no more files",
+    }
 
-    monkeypatch.setattr(cache, "_problem", lambda *_: "Permission denied")
-    monkeypatch.setattr("tempfile.mkdtemp", refuse)
-    with pytest.raises(ps.DeviceError, match=r"\(Permission denied\).*\(Read-only file system\).*POCL_CACHE_DIR"):
+    if reason == "no more files":
+        monkeypatch.setattr(os, "statvfs", lambda _: os.statvfs_result((*usual[:5], 1000, 3, 3, *usual[8:])))
+    with pytest.raises(ps.DeviceError, match=f"{said[reason]}.*POCL_CACHE_DIR, or TMPDIR"):
         cache.prepare_caches()
+
+
+def test_a_forked_child_leaves_the_cache_of_its_parent(tmp_path: Path) -> None:
+    cache._remove(str(tmp_path), os.getpid() + 1)
+    assert tmp_path.is_dir()
+    cache._remove(str(tmp_path), os.getpid())
+    assert not tmp_path.exists()
 
 
 def test_files_that_are_cut_short_are_told_from_whole_ones(filled: tuple[Path, str], tmp_path: Path) -> None:
@@ -130,6 +178,8 @@ def test_files_that_are_cut_short_are_told_from_whole_ones(filled: tuple[Path, s
         for share in range(10):
             part = tmp_path / f"part{file.suffix}"
             part.write_bytes(content[: len(content) * share // 10])
+            assert not cache._is_whole(part)
+            part.write_bytes(content[: len(content) * share // 10].ljust(len(content), b"\0"))
             assert not cache._is_whole(part)
 
 

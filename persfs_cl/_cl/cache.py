@@ -12,6 +12,7 @@ import contextlib
 import os
 import shutil
 import sqlite3
+import stat
 import struct
 import sys
 import tempfile
@@ -24,6 +25,8 @@ from persfs_cl.errors import DeviceError
 _POCL, _ALL = "POCL_CACHE_DIR", "XDG_CACHE_HOME"
 _POCL_NEEDS, _PYOPENCL_NEEDS = 2**23, 2**16
 """Bytes that must be free: a few programs' worth, and a few lines about the arguments of kernels."""
+_FILES_NEEDED = 64
+"""Files and folders that must be free, where the disk counts them: a few programs' worth too."""
 _FORGOTTEN = 3600.0
 """Seconds after which PoCL's temporary files are no longer in use."""
 _LONGEST_LOOK = 0.5
@@ -31,7 +34,10 @@ _LONGEST_LOOK = 0.5
 _ELF64_SECTIONS = struct.Struct("<40xQ10xHH")
 """Of an ELF header: where the table of sections begins, the size of an entry, and how many there are."""
 _BITCODE_BLOCK = struct.Struct("<II")
-"""What a block of LLVM's bitcode begins with: its kind, and how many words follow."""
+"""What a block of LLVM's bitcode begins with: its kind, never zero, and how many words follow."""
+_BITCODE, _ELF64 = b"BC\xc0\xde", b"\x7fELF\x02\x01"
+_OTHER_FORMS = (b"\xde\xc0\x17\x0b", b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe")
+"""Beginnings of what LLVM and linkers write on other machines: wrapped bitcode, other ELF files, and those of macOS."""
 
 
 def prepare_caches() -> list[str]:
@@ -47,7 +53,7 @@ def prepare_caches() -> list[str]:
     Raises
     ------
     DeviceError
-        When there is no temporary folder in place of one that cannot be used.
+        When no temporary folder can be used either.
     """
     root = _root()
     pocl, arguments, binaries = pocl_cache(), root / "pytools", root / "pyopencl"
@@ -67,21 +73,35 @@ def prepare_caches() -> list[str]:
         _clean_pyopencl(arguments)
     said = []
     for folder, variable, problem in unusable:
-        try:
-            private = tempfile.mkdtemp(prefix="persfs-cl-kernels-")
-        except OSError as error:
-            raise DeviceError(
-                f"There is no place for compiled kernels: the cache {folder} cannot be used ({problem}), and there is "
-                f"no temporary folder ({error.strerror or error}). Make one of them writable, or name another one in "
-                f"the environment variable {variable}."
-            ) from error
-        atexit.register(shutil.rmtree, private, ignore_errors=True)
-        os.environ[variable] = private
+        os.environ[variable] = _private(
+            _POCL_NEEDS,
+            f"Compiled kernels can be kept neither in {folder} ({problem}) nor in a temporary folder ({{}}): name a "
+            f"folder that can be written to, with {_POCL_NEEDS / 2**20:.0f} MiB free, in the environment variable "
+            f"{variable}, or TMPDIR.",
+        )
         said.append(
             f"The kernel cache {folder} cannot be used ({problem}): kernels are compiled anew in this run. Make the "
             f"folder writable or free some space, or name another one in the environment variable {variable}."
         )
     return said
+
+
+def _private(needed: int, otherwise: str) -> str:
+    """A folder that goes with this process; `otherwise` is what to say, about a problem, if there can be none."""
+    try:
+        private = tempfile.mkdtemp(prefix="persfs-cl-kernels-")
+    except OSError as error:
+        raise DeviceError(otherwise.format(error.strerror or error)) from error
+    atexit.register(_remove, private, os.getpid())
+    if problem := _problem(Path(private), needed):
+        raise DeviceError(otherwise.format(f"{private}: {problem}"))
+    return private
+
+
+def _remove(folder: str, owner: int) -> None:
+    # A forked child, which ends first, does what its parent meant to do at its end.
+    if os.getpid() == owner:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def pocl_cache() -> Path:
@@ -111,6 +131,10 @@ def _problem(folder: Path, needed: int) -> str | None:
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(needed))
             file.flush()
+        if hasattr(os, "statvfs"):
+            disk = os.statvfs(folder)
+            if disk.f_files and disk.f_favail < _FILES_NEEDED:
+                return "the disk has room for no more files"
     except OSError as error:
         return error.strerror or str(error)
     return None
@@ -142,24 +166,30 @@ def _compiled(folder: Path) -> Iterator[tuple[Path, Path]]:
 
 
 def _is_whole(file: Path) -> bool:
-    """Whether a shared library or a file of bitcode has the length that it says itself."""
+    """Whether a shared library or a file of bitcode has the length that it says itself, and an end.
+
+    A machine that lost its power leaves files of the right length whose end, or all, is zeros.
+    """
     try:
+        if not stat.S_ISREG(file.stat().st_mode):
+            return False
         with file.open("rb", buffering=0) as opened:
             size, begin = os.fstat(opened.fileno()).st_size, opened.read(64)
-            if begin[:4] == b"BC\xc0\xde":
-                end = 4
-                while end + _BITCODE_BLOCK.size <= size:
+            if begin.startswith(_BITCODE):
+                end, kind = len(_BITCODE), 1
+                while kind and end + _BITCODE_BLOCK.size <= size:
                     opened.seek(end)
-                    _, words = _BITCODE_BLOCK.unpack(opened.read(_BITCODE_BLOCK.size))
+                    kind, words = _BITCODE_BLOCK.unpack(opened.read(_BITCODE_BLOCK.size))
                     end += _BITCODE_BLOCK.size + 4 * words
-                return end == size
+                return bool(kind) and end == size
+            if begin.startswith(_ELF64) and len(begin) == 64:
+                sections, entry, count = _ELF64_SECTIONS.unpack_from(begin)
+                end = sections + entry * count
+                opened.seek(max(0, end - entry))
+                return end <= size and any(opened.read(entry))
     except OSError:  # not there, or another's
         return True
-    if begin[:6] == b"\x7fELF\x02\x01" and len(begin) == 64:
-        sections, entry, count = _ELF64_SECTIONS.unpack_from(begin)
-        return bool(sections + entry * count <= size)
-    # The form that other machines or drivers use is not known; but something there must be.
-    return size > 0
+    return begin.startswith(_OTHER_FORMS)
 
 
 def _clean_pyopencl(folder: Path) -> None:
@@ -173,5 +203,5 @@ def _clean_pyopencl(folder: Path) -> None:
         except sqlite3.DatabaseError:
             whole = False
         if not whole:
-            with contextlib.suppress(OSError):  # another's
+            with contextlib.suppress(OSError):  # removed meanwhile, or another's
                 file.unlink()

@@ -109,10 +109,29 @@ def kernel(
     with device.lock:
         if key not in device.kernels:
             with in_words(device):
-                made = cl.Kernel(program(device, names, precision, definitions), name)
-                made.set_scalar_arg_dtypes(scalars)
-            device.kernels[key] = made
+                device.kernels[key] = _made(program(device, names, precision, definitions), name, scalars)
         return device.kernels[key]
+
+
+def _made(built: cl.Program, name: str, scalars: Sequence[type | None]) -> cl.Kernel:
+    """A kernel that knows the types of its arguments."""
+    try:
+        made = cl.Kernel(built, name)
+        made.set_scalar_arg_dtypes(scalars)
+    except cl.Error:
+        raise
+    except Exception as error:
+        # pyopencl keeps what it prepares in a database, and raises whatever one leads to that is damaged or another's.
+        # The environment variable of this name is only read when pyopencl is imported.
+        if cl._PYOPENCL_NO_CACHE:  # noqa: SLF001
+            raise KernelBuildError(
+                f"The kernel {name} cannot be prepared ({type(error).__name__}: {error}). Install another version of "
+                "pyopencl."
+            ) from error
+        _LOG.debug("pyopencl's cache is left alone after: %s", error)
+        cl._PYOPENCL_NO_CACHE = True  # noqa: SLF001
+        return _made(built, name, scalars)
+    return made
 
 
 def _key(
