@@ -151,7 +151,7 @@ def test_no_device_says_what_to_install(machine: Any) -> None:
 def test_pyopencl_ctx_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
     found = []
     for number, platform in enumerate(cl.get_platforms()):
-        with suppress(cl.Error):  # some have no devices
+        with suppress(cl.Error, IndexError):  # some have no devices
             found.append((number, platform.get_devices()[0]))
     number, last = found[-1]
     monkeypatch.setenv("PYOPENCL_CTX", f"{number}:0")
