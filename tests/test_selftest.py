@@ -230,6 +230,12 @@ def test_a_crash_in_every_process_comes_to_an_end(tmp_path: Path) -> None:
     assert report.results[-1]["status"] == "skipped"
 
 
+def test_a_device_of_which_nothing_was_tested_is_not_right(tmp_path: Path) -> None:
+    report = examine(script(tmp_path, "say('done')"), quick=True, time_limit=0)
+    assert report.failures == ["nothing was tested in the time that was given: raise the time limit"]
+    assert not report.ok
+
+
 def test_a_hang_is_ended_with_all_that_it_started(tmp_path: Path) -> None:
     body = f"""
         import subprocess
