@@ -377,7 +377,6 @@ def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.filterwarnings("default")
 def test_warnings_that_are_to_be_errors_are_lines_too(photo: Path, tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)  # as PYTHONWARNINGS=error does
@@ -387,6 +386,8 @@ def test_warnings_that_are_to_be_errors_are_lines_too(photo: Path, tmp_path: Pat
     assert not (tmp_path / "millimetres").exists()
 
 
+@pytest.mark.usefixtures("quick")
+@pytest.mark.filterwarnings("default")
 def test_warnings_are_lines_in_the_words_of_the_command(photo: Path, tmp_path: Path) -> None:
     # Told in millimetres, of a lens for a sensor of 36 mm.
     outcome = run("reconstruct", photo, "-o", tmp_path / "millimetres", "--focal-length=8")
