@@ -204,12 +204,14 @@ def read_bytes(path: FilePath) -> bytes:
     place = as_path(path)
     try:
         # Asked before it is opened: opening a pipe waits for a writer, and a device may have no end.
-        mode = place.stat().st_mode
+        status = place.stat()
+        mode = status.st_mode
         if stat.S_ISDIR(mode):
             raise InputError(f"{path} is a folder: name a file in it.")
         if not stat.S_ISREG(mode):
             raise InputError(f"{path} is {_kind(mode)}, not a regular file: save its content as a file, and give that.")
-        data = place.read_bytes()
+        # Some that the kernel makes up, all of them without a size, have no end either.
+        data = place.read_bytes() if status.st_size else b""
     except FileNotFoundError as error:
         raise InputError(f"{path} does not exist: check the spelling and the folder.") from error
     except OSError as error:

@@ -419,7 +419,7 @@ class Solution:
                 draw(folder / file)
             except Exception as error:  # whatever a library that draws raises
                 # A full disk has room for no other file either: the user chooses another.
-                if isinstance(error.__cause__, OSError):
+                if isinstance(error, InputError) and isinstance(error.__cause__, OSError):
                     raise
                 warn(
                     f"{file} could not be drawn ({type(error).__name__}: {' '.join(str(error).split())}): depth, mesh, "

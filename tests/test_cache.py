@@ -195,6 +195,24 @@ def test_only_empty_files_that_pocl_has_forgotten_are_removed(tmp_path: Path) ->
     assert sorted(tmp_path.iterdir()) == [new, used]
 
 
+def test_a_cache_is_left_alone_whose_damage_cannot_be_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As that of another user."""
+    program_folder = tmp_path / "AB" / "PROGRAM"
+    program_folder.mkdir(parents=True)
+    (program_folder / "program.bc").write_bytes(b"BC")
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with monkeypatch.context() as changed:
+        changed.setattr(shutil, "rmtree", lambda *_arguments, **_keywords: None)
+        (said,) = cache.prepare_caches()
+    assert said.startswith(f"The kernel cache {tmp_path} cannot be used ({program_folder} in it is damaged, and cannot")
+    assert os.environ["POCL_CACHE_DIR"] != str(tmp_path)
+    assert cache.prepare_caches() == []
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    assert cache.prepare_caches() == []
+    assert not program_folder.exists()
+
+
 def test_what_the_cache_cannot_load_is_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
     # Chosen first: that too may compile something.
     chosen = select_device()

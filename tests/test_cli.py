@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 import typing
+import warnings
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -373,6 +374,16 @@ def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
     assert strict(out / "report.json")["camera"] == {"source": "--fov", "horizontal_view": pytest.approx(60.0)}
     expected = ps.Camera.from_fov(60.0, (HEIGHT, WIDTH)).fx
     assert strict(out / "report.json")["parameters"]["focal_length"] == [expected] * 2
+
+
+@pytest.mark.usefixtures("quick")
+def test_warnings_that_are_to_be_errors_are_lines_too(photo: Path, tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)  # as PYTHONWARNINGS=error does
+        outcome = run("reconstruct", photo, "-o", tmp_path / "millimetres", "--focal-length=8")
+    assert outcome.status == 1
+    assert outcome.stderr.startswith("persfs-cl: --focal-length 8 means a view of 124 degrees")
+    assert not (tmp_path / "millimetres").exists()
 
 
 @pytest.mark.usefixtures("quick")

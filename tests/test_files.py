@@ -159,6 +159,14 @@ def test_read_bytes_says_why_it_cannot(tmp_path: Path) -> None:
         read_bytes(tmp_path / "empty.png" / "a.png")
 
 
+def test_files_without_a_size_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As /proc/kmsg, which waits for more."""
+    (tmp_path / "empty").touch()
+    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("was read"))
+    with pytest.raises(InputError, match=r"is empty \(0 bytes\)"):
+        read_bytes(tmp_path / "empty")
+
+
 def test_what_is_no_regular_file_is_refused_without_being_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")  # opening it would wait for a writer, for ever
     with pytest.raises(InputError, match=r"pipe is a pipe, not a regular file: save its content as a file"):

@@ -230,6 +230,12 @@ def test_a_crash_in_every_process_comes_to_an_end(tmp_path: Path) -> None:
     assert report.results[-1]["status"] == "skipped"
 
 
+def test_a_device_of_which_nothing_was_tested_is_not_right(tmp_path: Path) -> None:
+    report = examine(script(tmp_path, "say('done')"), quick=True, time_limit=0)
+    assert report.failures == ["nothing was tested in the time that was given: raise the time limit"]
+    assert not report.ok
+
+
 def test_a_hang_is_ended_with_all_that_it_started(tmp_path: Path) -> None:
     body = f"""
         import subprocess
@@ -417,16 +423,6 @@ def test_a_test_compiles_nothing_in_this_process(
     found = [(entry["index"], entry["default"]) for entry in entries]
     assert found == [(device.index, device.index == 0) for device in ps.devices()]
     assert result.exit_code == 0
-
-
-def test_a_device_of_which_nothing_was_tested_is_not_right(pretended: Callable[[str], None]) -> None:
-    numbers = range(len(cases(quick=True)))
-    pretended("\n".join([*(f"say('end', case={k}, status='skipped', message='late')" for k in numbers), "say('done')"]))
-    result = invoked("--check", "--quick", "--device=0", "--json")
-    (entry,) = json.loads(result.stdout)
-    assert result.exit_code == 1
-    assert not entry["default"]
-    assert "nothing was tested within the time limit" in result.stderr
 
 
 @pytest.mark.parametrize("option", ["--quick", "--fresh", "--time-limit=3", "--case-limit=3"])

@@ -223,6 +223,19 @@ def test_confidence_does_not_depend_on_the_size_of_blocks(
         np.testing.assert_array_equal(by_blocks, lit.confidence().slope_error)
 
 
+def test_a_matplotlib_that_cannot_be_imported_costs_nothing_else(
+    solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        # As it does where it may write nowhere.
+        raise OSError("requires access to a writable cache directory") from FileNotFoundError("no temporary directory")
+
+    monkeypatch.setattr(pictures, "_matplotlib", fail)
+    with pytest.warns(UserWarning, match=r"could not be drawn \(OSError: requires access"):
+        solution.save(tmp_path / "result")
+    assert {file.name for file in (tmp_path / "result").iterdir()} >= {"depth.npy", "mesh.ply", "report.json"}
+
+
 @pytest.mark.parametrize("name", ["depth", "normals", "relief", "comparison", "confidence", "convergence"])
 def test_a_picture_that_cannot_be_drawn_costs_nothing_else(
     name: str, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

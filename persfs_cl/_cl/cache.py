@@ -58,10 +58,9 @@ def prepare_caches() -> list[str]:
     root = _root()
     pocl, arguments, binaries = pocl_cache(), root / "pytools", root / "pyopencl"
     unusable = []
-    if problem := _problem(pocl, _POCL_NEEDS):
+    if problem := _problem(pocl, _POCL_NEEDS) or _clean_pocl(pocl):
         unusable.append((pocl, _POCL, problem))
     else:
-        _clean_pocl(pocl)
         # Also where the other variable is about to change.
         os.environ[_POCL] = str(pocl)
     # Elsewhere pyopencl's caches lie in the system's own places, and no variable moves them.
@@ -140,8 +139,14 @@ def _problem(folder: Path, needed: int) -> str | None:
     return None
 
 
-def _clean_pocl(folder: Path) -> None:
-    """Remove programs and kernels that are cut short, and the empty files that PoCL has left behind."""
+def _clean_pocl(folder: Path) -> str | None:
+    """Remove programs and kernels that are cut short, and the empty files that PoCL has left behind.
+
+    Returns
+    -------
+    str or None
+        Why PoCL must not use the folder: something damaged, of another user say, could not be removed.
+    """
     long_ago = time.time() - _FORGOTTEN
     for file in folder.glob("tempfile_*"):
         # Another process may be faster, or own it.
@@ -155,6 +160,9 @@ def _clean_pocl(folder: Path) -> None:
             break
         if not _is_whole(file):
             shutil.rmtree(program, ignore_errors=True)
+            if program.exists():
+                return f"{program} in it is damaged, and cannot be removed"
+    return None
 
 
 def _compiled(folder: Path) -> Iterator[tuple[Path, Path]]:

@@ -112,6 +112,10 @@ class _Commands(TyperGroup):
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
             raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
+        except UserWarning as error:
+            # An error by the option -W of Python, or by PYTHONWARNINGS.
+            typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
+            raise typer.Exit(_INPUT_FAILED) from error
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from error

@@ -70,6 +70,7 @@ def devices(
         typer.Option(
             metavar="SECONDS",
             min=1.0,
+            max=86400.0,
             help="A single case, or the start of the driver, that takes longer has hung: the device fails.",
             rich_help_panel=_CHECK,
         ),

@@ -115,7 +115,7 @@ def examine(
             crashes += 1
     report.results += [_result(case, status="skipped", message="not reached") for case in listed[len(report.results) :]]
     if not (report.failures or report.compiles):
-        report.failures.append("nothing was tested within the time limit")
+        report.failures.append("nothing was tested in the time that was given: raise the time limit")
     report.seconds = time.monotonic() - began
     return report
 
