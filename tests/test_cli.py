@@ -1046,7 +1046,8 @@ def test_devices_lists_every_device() -> None:
     for entry, device in zip(listed, found, strict=True):
         (row,) = (line for line in table.stdout.splitlines() if line.split()[:1] == [str(device.index)])
         assert (entry["name"], entry["kind"], entry["memory_bytes"]) == (device.name, device.kind, device.memory)
-        for text in (device.name, device.platform, device.platform_version, device.driver_version, device.kind):
+        assert entry["platform_version"] == device.platform_version
+        for text in (device.name, device.platform, device.version, device.driver_version, device.kind):
             assert text in row
         assert entry["default"] == (f"{device.index} *" in row)
 

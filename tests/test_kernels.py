@@ -32,6 +32,8 @@ HEADLIGHT = {
 # Those with kernels of their own: the sign of the surface and the direction of a parallel light are numbers.
 KERNELS = ["upwind oblique toward", *list(UPWIND)[4:], "flash on a shiny surface"]
 
+LAMPS = [name for name in UPWIND if name.startswith("upwind lamp")]
+
 both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
 
 
@@ -63,7 +65,9 @@ def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarra
     ("name", "shape"),
     [
         *[(name, shape) for name in LAX_FRIEDRICHS for shape in [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)]],
-        *[(name, shape) for name in UPWIND for shape in [(1, 5), (5, 1), (6, 7)]],
+        *[(name, shape) for name in UPWIND if name not in LAMPS for shape in [(1, 5), (5, 1), (6, 7)]],
+        # The twin takes a third of a second for a cell and sweep.
+        *[(name, shape) for name in LAMPS for shape in [(1, 3), (3, 1), (3, 4)]],
     ],
 )
 def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, shape: tuple[int, int]) -> None:
@@ -222,7 +226,7 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
 
 # Each height is a program of its own, which takes long to compile.
 @pytest.mark.parametrize(
-    "tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), *NARROW_STRIPS[:2]], ids=str
+    "tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), NARROW_STRIPS[0]], ids=str
 )
 def test_tunings_give_the_bits_of_lexicographic_at_second_order(device: Device, precision: str, tuning: Tuning) -> None:
     tuning = replace(tuning, second_order=True)
