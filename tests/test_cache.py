@@ -145,7 +145,7 @@ def test_a_full_disk_is_found_before_kernels_are(tmp_path: Path, monkeypatch: py
 @pytest.mark.parametrize("reason", ["no folder", "no more files"])
 def test_where_no_cache_can_be_the_reason_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, reason: str) -> None:
     usual = os.statvfs(tmp_path)
-    in_the_way = tmp_path / "file"
+    in_the_way = tmp_path / "a {} in its name"
     in_the_way.touch()
     monkeypatch.setenv("POCL_CACHE_DIR", str(in_the_way) if reason != "no more files" else str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

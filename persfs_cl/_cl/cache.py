@@ -72,12 +72,7 @@ def prepare_caches() -> list[str]:
         _clean_pyopencl(arguments)
     said = []
     for folder, variable, problem in unusable:
-        os.environ[variable] = _private(
-            _POCL_NEEDS,
-            f"Compiled kernels can be kept neither in {folder} ({problem}) nor in a temporary folder ({{}}): name a "
-            f"folder that can be written to, with {_POCL_NEEDS / 2**20:.0f} MiB free, in the environment variable "
-            f"{variable}, or TMPDIR.",
-        )
+        os.environ[variable] = _in_place_of(folder, problem, variable)
         said.append(
             f"The kernel cache {folder} cannot be used ({problem}): kernels are compiled anew in this run. Make the "
             f"folder writable or free some space, or name another one in the environment variable {variable}."
@@ -85,15 +80,21 @@ def prepare_caches() -> list[str]:
     return said
 
 
-def _private(needed: int, otherwise: str) -> str:
-    """A folder that goes with this process; `otherwise` is what to say, about a problem, if there can be none."""
+def _in_place_of(folder: Path, problem: str, variable: str) -> str:
+    """A folder that goes with this process."""
     try:
         private = tempfile.mkdtemp(prefix="persfs-cl-kernels-")
+        atexit.register(_remove, private, os.getpid())
+        found = _problem(Path(private), _POCL_NEEDS)
+        neither = found and f"{private}: {found}"
     except OSError as error:
-        raise DeviceError(otherwise.format(error.strerror or error)) from error
-    atexit.register(_remove, private, os.getpid())
-    if problem := _problem(Path(private), needed):
-        raise DeviceError(otherwise.format(f"{private}: {problem}"))
+        neither = error.strerror or str(error)
+    if neither:
+        raise DeviceError(
+            f"Compiled kernels can be kept neither in {folder} ({problem}) nor in a temporary folder ({neither}): name "
+            f"a folder that can be written to, with {_POCL_NEEDS / 2**20:.0f} MiB free, in the environment variable "
+            f"{variable}, or TMPDIR."
+        )
     return private
 
 
