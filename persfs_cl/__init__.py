@@ -19,17 +19,17 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
-    from persfs_cl.forward import render
-    from persfs_cl.grey import normalise_grey
-    from persfs_cl.images import read_image, read_photo
-    from persfs_cl.light import FlashLight, ParallelLight
+    from persfs_cl.io.photos import read_image, read_photo
     from persfs_cl.metrics import Errors, compare
-    from persfs_cl.photograph import Preparation, PreparedPhoto, prepare_photo
-    from persfs_cl.reflectance import Lambertian, OrenNayar, Phong
-    from persfs_cl.scanned import mesh_scene
-    from persfs_cl.scenes import Scene, bump, bumps, hillside, sphere_cap, vase
-    from persfs_cl.solution import Elapsed, Solution, Status
-    from persfs_cl.solver import reconstruct, reconstruct_batch
+    from persfs_cl.preparation.normalise import normalise_grey
+    from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
+    from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
+    from persfs_cl.scenes.meshes import mesh_scene
+    from persfs_cl.shading.light import FlashLight, ParallelLight
+    from persfs_cl.shading.material import Lambertian, OrenNayar, Phong
+    from persfs_cl.solver.reconstruct import reconstruct, reconstruct_batch
+    from persfs_cl.surface.render import render
+    from persfs_cl.surface.solution import Elapsed, Solution, Status
 
     __version__: str
 else:
@@ -46,17 +46,17 @@ else:
             "KernelBuildError",
             "PersfsError",
         ),
-        "forward": ("render",),
-        "grey": ("normalise_grey",),
-        "images": ("read_image", "read_photo"),
-        "light": ("FlashLight", "ParallelLight"),
+        "surface.render": ("render",),
+        "preparation.normalise": ("normalise_grey",),
+        "io.photos": ("read_image", "read_photo"),
+        "shading.light": ("FlashLight", "ParallelLight"),
         "metrics": ("Errors", "compare"),
-        "photograph": ("Preparation", "PreparedPhoto", "prepare_photo"),
-        "reflectance": ("Lambertian", "OrenNayar", "Phong"),
-        "scanned": ("mesh_scene",),
-        "scenes": ("Scene", "bump", "bumps", "hillside", "sphere_cap", "vase"),
-        "solution": ("Elapsed", "Solution", "Status"),
-        "solver": ("reconstruct", "reconstruct_batch"),
+        "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
+        "shading.material": ("Lambertian", "OrenNayar", "Phong"),
+        "scenes.meshes": ("mesh_scene",),
+        "scenes.analytic": ("Scene", "bump", "bumps", "hillside", "sphere_cap", "vase"),
+        "surface.solution": ("Elapsed", "Solution", "Status"),
+        "solver.reconstruct": ("reconstruct", "reconstruct_batch"),
     }
 
     def __getattr__(name):

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.checks import as_array, brief, finite_numbers, warn
-from persfs_cl.decoding import decoding
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.files import FilePath, read_bytes
-from persfs_cl.images import exif_number, open_png_or_jpeg
-from persfs_cl.raw import refuse_raw
-from persfs_cl.tiff import BIG_SIGNATURES, IMAGE_LENGTH, IMAGE_WIDTH, SIGNATURES, Directory, read_directories
+from persfs_cl.io.decoding import decoding
+from persfs_cl.io.files import FilePath, read_bytes
+from persfs_cl.io.photos import exif_number, open_png_or_jpeg
+from persfs_cl.io.raw import refuse_raw
+from persfs_cl.io.tiff import BIG_SIGNATURES, IMAGE_LENGTH, IMAGE_WIDTH, SIGNATURES, Directory, read_directories
 
 # The frame of 35 mm film is 36 mm × 24 mm.
 _FILM_DIAGONAL = math.hypot(36.0, 24.0)

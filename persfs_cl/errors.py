@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from persfs_cl.solution import Solution
+    from persfs_cl.surface.solution import Solution
 
 
 class PersfsError(Exception):

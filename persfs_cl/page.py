@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from persfs_cl.errors import InputError
-from persfs_cl.files import FilePath, atomic_path, read_bytes
+from persfs_cl.io.files import FilePath, atomic_path, read_bytes
 
 CIRCUMSTANCES = "circumstances"
 """The marker under which every page says on what machine its figures were found."""

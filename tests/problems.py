@@ -12,10 +12,10 @@ from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, Paralle
 from persfs_cl._cl.launches import Sweeper
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
-from persfs_cl.light import Light
-from persfs_cl.models import Model
-from persfs_cl.problem import Problem, prepare
-from persfs_cl.reflectance import Reflectance
+from persfs_cl.shading.light import Light
+from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.problem import Problem, prepare
 
 OBLIQUE = ParallelLight(0.3, -0.2)
 FLASH = FlashLight(gain=2.0)

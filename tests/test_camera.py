@@ -17,7 +17,7 @@ from PIL import ExifTags, Image
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.images import read_image
+from persfs_cl.io.photos import read_image
 
 EXIF = {name: tag for tag, name in ExifTags.TAGS.items()}
 

@@ -17,8 +17,8 @@ from persfs_cl._cl.layout import ALIGNMENT
 from persfs_cl._cl.program import kernel
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
-from persfs_cl.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 from persfs_cl.errors import DeviceError
+from persfs_cl.solver.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 
 DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """The four sweeps as (leftwards, upwards), in the paper's order."""
@@ -27,7 +27,7 @@ _PARAMETERS = 16
 _LAUNCHED_CELLS = 2**22
 """Of the iterations of bands that make one launch: some ten milliseconds, against which a launch is nothing."""
 _APART = 32
-"""As in kernels/strip.cl."""
+"""As in kernels/orderings/strip.cl."""
 _CELLS_AT_A_TIME = 2**28
 """Cells of iterations that are queued together at least, where that keeps images in the cache: half a second or so."""
 
@@ -43,13 +43,13 @@ class Grid:
     brightness : ndarray of float64, shape (height, width)
         E.
     flags : ndarray of uint8, shape (height, width)
-        See :mod:`persfs_cl.domain`.
+        See :mod:`persfs_cl.solver.domain`.
     parameters : sequence of float
-        Grid and model parameters in the order of kernels/prelude.cl.
+        Grid and model parameters in the order of kernels/shared/prelude.cl.
     x_axis, y_axis : ndarray, shapes (3, width) and (3, height)
-        Coordinates and the two terms of the viscosity: see kernels/lax_friedrichs.cl.
+        Coordinates and the two terms of the viscosity: see kernels/schemes/lax_friedrichs.cl.
     cells, inwards, edges
-        See :class:`persfs_cl.domain.Boundary`.
+        See :class:`persfs_cl.solver.domain.Boundary`.
     rim_cells : bool
         Whether the scheme treats cells apart that lack a neighbour, or only wants a missing neighbour to be high.
     """
@@ -224,7 +224,7 @@ class Sweeper:
         definitions = {"LANES": wide}
         scalars = [None] * 3 + [integer, single, integer, integer]
         self._measure = kernel(device, ["change", "measure"], precision, definitions, "measure", scalars)
-        # With vectors each item takes a part of its own: see kernels/measure.cl.
+        # With vectors each item takes a part of its own: see kernels/shared/measure.cl.
         self._measure_group = (1, 1) if wide > 1 else None
         self._measure_items = max(1, min((1 if wide > 1 else 1024) * device.compute_units, layout.size // 1024))
 
@@ -498,7 +498,7 @@ class Sweeper:
             )
 
     def _list_boundary(self, grids: Sequence[Grid]) -> None:
-        """Upload the lists of boundary cells; see kernels/boundary.cl."""
+        """Upload the lists of boundary cells; see kernels/shared/boundary.cl."""
         counts = np.array([len(grid.cells) for grid in grids])
         edges = np.array([grid.edges for grid in grids])
         parts = np.stack([np.cumsum(counts) - counts, edges, counts - edges], axis=1).astype(np.int32)

@@ -14,7 +14,7 @@ from persfs_cl._cl.registers import lanes
 from persfs_cl.errors import DeviceError
 
 _COPY_BLOCK = 16
-"""Bytes, as in kernels/roofline.cl."""
+"""Bytes, as in kernels/shared/roofline.cl."""
 _CHAINS = 12
 
 

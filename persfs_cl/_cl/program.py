@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import re
 import warnings
@@ -29,9 +30,15 @@ def _kernel_directory() -> Path:
     return packaged if packaged.is_dir() else _PACKAGE.parent / "kernels"
 
 
+@functools.cache
+def _kernel_files() -> dict[str, Path]:
+    """All kernel files by their names, without the suffix: each name is there once, in whatever folder."""
+    return {path.stem: path for path in _kernel_directory().glob("*/*.cl")}
+
+
 def kernel_names() -> list[str]:
     """Names of all kernel files, without the suffix."""
-    return sorted(path.stem for path in _kernel_directory().glob("*.cl"))
+    return sorted(_kernel_files())
 
 
 def kernel_source(name: str) -> str:
@@ -42,12 +49,12 @@ def kernel_source(name: str) -> str:
     KernelBuildError
         When the file is missing: the installation is incomplete.
     """
-    path = _kernel_directory() / f"{name}.cl"
     try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
+        return _kernel_files()[name].read_text(encoding="utf-8")
+    except (KeyError, OSError) as error:
         raise KernelBuildError(
-            f"Kernel file {path} cannot be read ({error}): the installation is incomplete, reinstall persfs-cl."
+            f"Kernel file {name}.cl in {_kernel_directory()} cannot be read ({error}): the installation is incomplete, "
+            "reinstall persfs-cl."
         ) from error
 
 

@@ -16,7 +16,8 @@ WIDEST = 8
 def register_bits(device: Device) -> int:
     """Bits of the vector registers that the device's compiler uses; 0 where it does not say, as on GPUs.
 
-    The compiler itself is asked, see kernels/registers.cl: a driver may claim wider registers than its compiler uses.
+    The compiler itself is asked, see kernels/shared/registers.cl: a driver may claim wider registers than its compiler
+    uses.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.registers import lanes
 
 LANES = (1, 2, 4, 8)
-"""Cells that a work-item may update at once: see kernels/prelude.cl."""
+"""Cells that a work-item may update at once: see kernels/shared/prelude.cl."""
 _STRIP_VECTORS = 3
 """Vectors of a strip of the wavefront: the latency of the square root is hidden, and the registers suffice."""
 _BAND_PIXELS = 4096

@@ -18,11 +18,11 @@ from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
-from persfs_cl.grey import mean_filter
-from persfs_cl.light import Light
-from persfs_cl.reflectance import Reflectance
-from persfs_cl.scanned import mesh_scene, stanford_bunny
-from persfs_cl.scenes import Scene
+from persfs_cl.preparation.normalise import mean_filter
+from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
+from persfs_cl.shading.light import Light
+from persfs_cl.shading.material import Reflectance
 
 ERROR, ERROR_SCALED, ORDER = "mean error", "mean error, one scale", "fitted order"
 GREY_ERROR = "grey error"

@@ -11,8 +11,8 @@ import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.subjects import sweeper
-from persfs_cl.models import Model
-from persfs_cl.problem import Problem, prepare
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.problem import Problem, prepare
 
 ERROR, ELAPSED = "largest error", "elapsed"
 

@@ -1,7 +1,7 @@
 /* One Lax-Friedrichs sweep as anyone would write it: the yardstick that the kernels are measured against.
  *
- * The arithmetic of kernels/parallel_light.cl, lax_friedrichs.cl and cell.cl in the same order, so that the results are
- * those of kernels/lexicographic.cl but for the rounding of multiply-adds. Pixels on the frame are known and not visited; a brightness of NaN
+ * The arithmetic of kernels/models/parallel_light.cl, lax_friedrichs.cl and cell.cl in the same order, so that the results are
+ * those of kernels/orderings/lexicographic.cl but for the rounding of multiply-adds. Pixels on the frame are known and not visited; a brightness of NaN
  * marks further pixels that keep their value, since no comparison accepts what comes of it.
  */
 #include <tgmath.h>
@@ -10,7 +10,7 @@ void sweep(REAL *restrict log_depth,        /* Z or W = -Z, shape (height, width
            const REAL *restrict brightness, /* E, same shape                                                   */
            const REAL *restrict x_table,    /* coordinate, root and offset of each column, shape (3, width)    */
            const REAL *restrict y_table,    /* the same of each row, shape (3, height)                         */
-           const REAL *restrict parameters, /* in the order of kernels/prelude.cl and parallel_light.cl        */
+           const REAL *restrict parameters, /* in the order of kernels/shared/prelude.cl and parallel_light.cl        */
            const int height, const int width,
            const int leftwards,             /* 1: columns from the right                                       */
            const int upwards)               /* 1: rows from the bottom                                         */

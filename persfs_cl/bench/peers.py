@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from persfs_cl._cl.launches import DIRECTIONS, Grid
 from persfs_cl.bench import lexicographic
 from persfs_cl.errors import UnavailableError
-from persfs_cl.problem import Problem
-from persfs_cl.reference import Reference
+from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.reference import Reference
 
 _SOURCE = Path(__file__).with_name("lexicographic.c")
 # Without contraction, which some compilers do unasked on some processors: plain C, the same everywhere.

@@ -10,8 +10,8 @@ from persfs_cl.bench import accuracy
 from persfs_cl.bench.convergence import ELAPSED, ERROR
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, YARDSTICKS
 from persfs_cl.bench.results import Record
-from persfs_cl.files import atomic_path
-from persfs_cl.pictures import matplotlib_defaults
+from persfs_cl.io.files import atomic_path
+from persfs_cl.surface.plots import matplotlib_defaults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from persfs_cl.bench.timing import Spread
-from persfs_cl.files import FilePath, atomic_path
+from persfs_cl.io.files import FilePath, atomic_path
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from persfs_cl._cl.probes import device_seconds
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench.timing import Work
 from persfs_cl.camera import Camera
-from persfs_cl.light import ParallelLight
-from persfs_cl.models import Model
-from persfs_cl.problem import Problem, prepare
-from persfs_cl.reflectance import Lambertian
-from persfs_cl.solver import MAX_SLOPE
+from persfs_cl.shading.light import ParallelLight
+from persfs_cl.shading.material import Lambertian
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.problem import Problem, prepare
+from persfs_cl.solver.reconstruct import MAX_SLOPE
 
 # Oblique, so that no term of the equation vanishes.
 _LIGHT = ParallelLight(0.2, -0.1)

@@ -12,11 +12,11 @@ import numpy as np
 import typer
 
 from persfs_cl.errors import InputError
-from persfs_cl.files import read_bytes
-from persfs_cl.images import Channel, Encoding, read_depth, read_mask, read_photo
+from persfs_cl.io.files import read_bytes
+from persfs_cl.io.photos import Channel, Encoding, read_depth, read_mask, read_photo
+from persfs_cl.io.points import PointErrors, at_points, compare_points, read_points
 from persfs_cl.metrics import Errors
 from persfs_cl.metrics import compare as measure
-from persfs_cl.sparse import PointErrors, at_points, compare_points, read_points
 
 Kind = Literal["auto", "depth", "image"]
 Alignment = Literal["none", "scale", "range"]

@@ -10,11 +10,11 @@ import typer
 
 from persfs_cl.cli.options import CameraOptions, DeviceOption
 from persfs_cl.cli.output import check_folder
-from persfs_cl.cli.photo import Brightness, solve_photo
 from persfs_cl.cli.progress import writing
 from persfs_cl.metrics import compare
-from persfs_cl.scenes import vase
-from persfs_cl.solver import reconstruct
+from persfs_cl.pipeline.job import Brightness, solve_photo
+from persfs_cl.scenes.analytic import vase
+from persfs_cl.solver.reconstruct import reconstruct
 
 _DATA = Path(__file__).resolve().parent.parent / "data"
 # Chosen by eye. The museum's camera is not known; from eight image widths away perspective hardly matters. The metal

@@ -22,7 +22,7 @@ from persfs_cl._cl.device import devices as list_devices
 from persfs_cl._cl.selection import select_device
 from persfs_cl.circumstances import circumstances
 from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
-from persfs_cl.files import json_text
+from persfs_cl.io.files import json_text
 from persfs_cl.selftest.supervisor import Report, Show, child_command, examine
 
 _CHECK = "Of --check"

@@ -14,8 +14,8 @@ import typer
 from persfs_cl.camera import Camera, exif_focal_length
 from persfs_cl.choices import Precision
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.light import FlashLight, Light, ParallelLight
-from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
+from persfs_cl.shading.light import FlashLight, Light, ParallelLight
+from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
 
 LightKind = Literal["parallel", "flash"]
 ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from persfs_cl.files import is_temporary
+from persfs_cl.io.files import is_temporary
 
 _OPTION = "'--output' / '-o'"
 # A word that is not part of a file's name, and its value if it has one.

@@ -35,15 +35,15 @@ from persfs_cl.cli.options import (
     positive,
 )
 from persfs_cl.cli.output import check_folder
-from persfs_cl.cli.photo import Brightness, PhotoSolution, solve_photo
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.errors import InputError
-from persfs_cl.images import Channel, Encoding
-from persfs_cl.light import ParallelLight
-from persfs_cl.models import Model
-from persfs_cl.photograph import Highlights, Normalise
-from persfs_cl.solver import Options
+from persfs_cl.io.photos import Channel, Encoding
+from persfs_cl.pipeline.job import Brightness, PhotoSolution, solve_photo
+from persfs_cl.preparation.prepare import Highlights, Normalise
+from persfs_cl.shading.light import ParallelLight
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.reconstruct import Options
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
 

@@ -33,9 +33,9 @@ from persfs_cl.cli.options import (
 )
 from persfs_cl.cli.output import check_file
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.forward import render as photograph
-from persfs_cl.images import read_depth, read_light, read_mask, write_grey
-from persfs_cl.light import ParallelLight
+from persfs_cl.io.photos import read_depth, read_light, read_mask, write_grey
+from persfs_cl.shading.light import ParallelLight
+from persfs_cl.surface.render import render as photograph
 
 Bits = Literal["8", "16"]
 _IMAGE = "Image"

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
-from persfs_cl.files import FilePath, atomic_path
+from persfs_cl.io.files import FilePath, atomic_path
 from persfs_cl.paper.course import Course
 from persfs_cl.paper.printed import TANKUS_VASE, YANG_HAN_VASE
-from persfs_cl.pictures import matplotlib_defaults
-from persfs_cl.scenes import Scene
+from persfs_cl.scenes.analytic import Scene
+from persfs_cl.surface.plots import matplotlib_defaults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

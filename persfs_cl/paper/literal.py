@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Grid, Sweeper
-from persfs_cl.light import ParallelLight
-from persfs_cl.models import Model
-from persfs_cl.problem import Problem, prepare
-from persfs_cl.reference import Reference
-from persfs_cl.reflectance import Lambertian
-from persfs_cl.scenes import Scene
+from persfs_cl.scenes.analytic import Scene
+from persfs_cl.shading.light import ParallelLight
+from persfs_cl.shading.material import Lambertian
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.problem import Problem, prepare
+from persfs_cl.solver.reference import Reference
 
 Array = NDArray[np.float64]
 

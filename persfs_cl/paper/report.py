@@ -6,7 +6,7 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from persfs_cl.files import FilePath, atomic_path
+from persfs_cl.io.files import FilePath, atomic_path
 from persfs_cl.page import CIRCUMSTANCES, between_markers, markdown_table
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
-from persfs_cl.domain import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures
 from persfs_cl.paper.course import Course, followed, marching, sweeping, told
@@ -19,9 +18,10 @@ from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.vase import CLOSEST, START
-from persfs_cl.reference import reflectance_map
-from persfs_cl.scenes import Scene, vase
-from persfs_cl.solver import reconstruct
+from persfs_cl.scenes.analytic import Scene, vase
+from persfs_cl.solver.domain import rim
+from persfs_cl.solver.reconstruct import reconstruct
+from persfs_cl.solver.reference import reflectance_map
 
 Array = NDArray[np.float64]
 

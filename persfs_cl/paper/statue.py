@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
-from persfs_cl.domain import rim
-from persfs_cl.forward import render
-from persfs_cl.grey import encode_srgb
-from persfs_cl.images import Encoding, read_mask, read_photo
-from persfs_cl.light import FlashLight
+from persfs_cl.io.photos import Encoding, read_mask, read_photo
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures, printed
 from persfs_cl.paper.course import marching, sweeping
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_tables, time_table
-from persfs_cl.photograph import Normalise, Preparation, PreparedPhoto, prepare_photo
-from persfs_cl.solver import reconstruct
+from persfs_cl.preparation.normalise import encode_srgb
+from persfs_cl.preparation.prepare import Normalise, Preparation, PreparedPhoto, prepare_photo
+from persfs_cl.shading.light import FlashLight
+from persfs_cl.solver.domain import rim
+from persfs_cl.solver.reconstruct import reconstruct
+from persfs_cl.surface.render import render
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

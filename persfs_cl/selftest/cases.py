@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
-from persfs_cl.light import Light
-from persfs_cl.reflectance import Lambertian, OrenNayar, Phong, Reflectance
 from persfs_cl.selftest.scenes import EVEN, FLASH, FRONTAL, LAMP, OBLIQUE
+from persfs_cl.shading.light import Light
+from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
 
 Kind = Literal["sweeps", "shared image", "second order", "render", "rate", "copy"]
 

@@ -10,21 +10,21 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl import reference
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Sweeper
 from persfs_cl._cl.probes import copier, device_seconds
 from persfs_cl._cl.selftest import explain
 from persfs_cl.bench.subjects import described, iterations, smooth_problem
 from persfs_cl.bench.subjects import sweeper as sweeper_that_never_rests
-from persfs_cl.forward import render
-from persfs_cl.light import ParallelLight
-from persfs_cl.problem import Problem
-from persfs_cl.reference import Reference
-from persfs_cl.scenes import bumps
+from persfs_cl.scenes.analytic import bumps
 from persfs_cl.selftest.cases import Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
-from persfs_cl.surface import log_depth_gradient
+from persfs_cl.shading.light import ParallelLight
+from persfs_cl.solver import reference
+from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.reference import Reference
+from persfs_cl.surface.geometry import log_depth_gradient
+from persfs_cl.surface.render import render
 
 _Result = TypeVar("_Result")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from persfs_cl.camera import Camera
-from persfs_cl.light import FlashLight, Light, ParallelLight
-from persfs_cl.models import Model
-from persfs_cl.problem import Problem, prepare
-from persfs_cl.reflectance import Reflectance
-from persfs_cl.scenes import Scene, bump, hillside
-from persfs_cl.solver import MAX_SLOPE, MAX_SLOPE_UPWIND
+from persfs_cl.scenes.analytic import Scene, bump, hillside
+from persfs_cl.shading.light import FlashLight, Light, ParallelLight
+from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.problem import Problem, prepare
+from persfs_cl.solver.reconstruct import MAX_SLOPE, MAX_SLOPE_UPWIND
 
 SMALL = (9, 13)
 LARGE = (270, 250)

@@ -1,0 +1,1 @@
+"""Files: read whole and written whole, photographs, masks, depth maps and points."""

@@ -1,0 +1,84 @@
+"""Camera raw files, recognised by what is in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import FilePath
+from persfs_cl.io.tiff import DNG_VERSION, MAKE, PHOTOMETRIC, SUB_IFDS, Directory
+
+_COLOUR_FILTER_ARRAY, _LINEAR_RAW = 32803, 34892
+# What stands at which byte.
+_MAGIC: tuple[tuple[int, bytes, str], ...] = (
+    (8, b"CR\x02", "Canon CR2"),
+    (4, b"ftypcrx ", "Canon CR3"),
+    (6, b"HEAPCCDR", "Canon CRW"),
+    (0, b"IIRO", "Olympus ORF"),
+    (0, b"IIRS", "Olympus ORF"),
+    (0, b"MMOR", "Olympus ORF"),
+    (0, b"FUJIFILMCCD-RAW", "Fujifilm RAF"),
+    (0, b"IIU\0", "Panasonic RW2"),
+    (8, b"IIII", "Phase One IIQ"),
+    (8, b"MMMM", "Phase One IIQ"),
+    (0, b"FOVb", "Sigma X3F"),
+    (0, b"\0MRM", "Minolta MRW"),
+)
+_MAKERS = {
+    "nikon": "Nikon NEF",
+    "sony": "Sony ARW",
+    "pentax": "Pentax PEF",
+    "ricoh": "Pentax PEF",
+    "samsung": "Samsung SRW",
+    "hasselblad": "Hasselblad 3FR",
+    "kodak": "Kodak DCR",
+    "eastman": "Kodak DCR",
+    "epson": "Epson ERF",
+    "leaf": "Leaf MOS",
+    "mamiya": "Mamiya MEF",
+}
+
+
+def refuse_raw(path: FilePath, data: bytes, pages: Sequence[Directory] = ()) -> None:
+    """Refuse a camera raw file: its only picture that could be read is a preview.
+
+    Parameters
+    ----------
+    path : path
+        Named in the error.
+    data : bytes
+        The whole file.
+    pages : sequence of Directory
+        Of a TIFF file.
+
+    Raises
+    ------
+    InputError
+        Naming the kind of raw file, and what to make of it.
+    """
+    kind = _kind(data, pages)
+    if kind:
+        raise InputError(
+            f"{path} is a camera raw file ({kind}), which is not read. Develop it in a raw developer, linearly and "
+            "without a tone curve, to a 16-bit TIFF file, and give that with encoding='linear'."
+        )
+
+
+def _kind(data: bytes, pages: Sequence[Directory]) -> str | None:
+    for start, magic, kind in _MAGIC:
+        if data.startswith(magic, start):
+            return kind
+    if not pages:
+        return None
+    directories = [directory for page in pages for directory in page.walk()]
+    if any(DNG_VERSION in directory.tags for directory in directories):
+        return "Adobe DNG"
+    first = pages[0]
+    sensor = any(directory.number(PHOTOMETRIC) in (_COLOUR_FILTER_ARRAY, _LINEAR_RAW) for directory in directories)
+    maker = first.text(MAKE)
+    # Some makers' sensor images have numbers for a colour model that are nobody else's.
+    preview = bool(maker) and first.reduced and SUB_IFDS in first.tags
+    if not sensor and not preview:
+        return None
+    known = (kind for name, kind in _MAKERS.items() if maker.lower().startswith(name))
+    return next(known, f"of {maker}" if maker else "of a colour filter array")

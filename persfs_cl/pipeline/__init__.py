@@ -1,0 +1,1 @@
+"""From a photograph's file to its surface, and to a folder of results."""

@@ -1,0 +1,1 @@
+"""From linear light to the image that is solved."""

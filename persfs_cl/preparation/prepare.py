@@ -1,0 +1,357 @@
+"""From a photograph to the light that the surface sends, and from there to E.
+
+The steps, in the order in which light meets them backwards: subtract what is there without the lamp, divide by what the
+lens lets through, deal with highlights, smooth. The result is linear light on the scale of the photo, as a light with
+fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.camera import Camera, require_camera
+from persfs_cl.checks import as_array, brief, finite_number
+from persfs_cl.errors import InputError
+from persfs_cl.io.photos import Photo
+from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
+from persfs_cl.preparation.normalise import (
+    brightest_diffuse,
+    checked,
+    clip_highlights,
+    divide_vignetting,
+    mean_filter,
+    normalise_grey,
+    normalise_linear,
+    subtract_ambient,
+)
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Highlights = Literal["keep", "mask", "fill"]
+Normalise = Literal["linear", "grey", "none"]
+
+_SATURATED = 0.98
+"""Share of the largest number of a file from which a sample counts as saturated; JPEG blurs the exact end."""
+_HALO = 2
+"""Pixels around a highlight that go with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Preparation:
+    """What is done to a photo before its shading is believed. By default, nothing.
+
+    Parameters
+    ----------
+    ambient : float or array_like, shape (H, W)
+        Light that is there without the lamp, and the black level. A number is one of the file's own, such as a grey
+        level from 0 to 255 of an 8-bit photo, and is decoded as the photo is. An array is linear light: a second
+        photograph without the lamp, as :func:`persfs_cl.read_image` gives it for the same channel.
+    vignetting : {"none", "cos4"} or array_like, shape (H, W)
+        Darkening of the lens away from the middle: none; the law cos⁴ of the angle between viewing ray and optical
+        axis; or linear light from an evenly lit white plate, of which only the shape counts: its largest value is
+        where the lens lets everything through.
+    highlights : {"keep", "mask", "fill"}
+        What becomes of saturated pixels and shiny spots, and two pixels around them: nothing, they are left out, or
+        they are filled from their surroundings. What is left out makes holes in the mask, on whose edges
+        :func:`persfs_cl.reconstruct` assumes z = 1 under a parallel light unless `known_depth` is given.
+    saturation : float, optional
+        Number, of the file's own, from which on a pixel is saturated. Left out, it is 98 % of the largest that the
+        file can hold; no pixel of a file of floats then is.
+    clip_highlights : float, optional
+        Percentile above which brightness is cut; see :func:`persfs_cl.preparation.normalise.clip_highlights`.
+    mean_filter : int
+        Side of the window in pixels; 1 is no filter.
+
+    Raises
+    ------
+    InputError
+        When a choice is unknown, or `ambient` or `saturation` is an impossible number.
+    """
+
+    ambient: float | ArrayLike = 0.0
+    vignetting: Literal["none", "cos4"] | ArrayLike = "none"
+    highlights: Highlights = "keep"
+    saturation: float | None = None
+    clip_highlights: float | None = None
+    mean_filter: int = 1
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.highlights, str) or self.highlights not in get_args(Highlights):
+            raise InputError(
+                f"highlights={brief(self.highlights)} is unknown: give one of {', '.join(get_args(Highlights))}."
+            )
+        known = isinstance(self.vignetting, str) and self.vignetting in ("none", "cos4")
+        if not known and (isinstance(self.vignetting, str) or as_array("vignetting", self.vignetting).ndim == 0):
+            raise InputError(f"vignetting={brief(self.vignetting)} is unknown: give 'none', 'cos4' or an array.")
+        for name in ("ambient", "saturation"):
+            value = getattr(self, name)
+            if value is None or (name == "ambient" and not isinstance(value, str) and as_array(name, value).ndim):
+                continue
+            number = finite_number(value)
+            if not number >= 0:
+                raise InputError(f"{name}={brief(value)} is no brightness: give a finite number, 0 or more.")
+            object.__setattr__(self, name, number)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPhoto:
+    """Linear light of a photo, made ready.
+
+    Attributes
+    ----------
+    light : ndarray of float64, shape (H, W)
+        Linear light on the scale of the photo, 0 or more, after every step; anything outside `mask`.
+    unfiltered : ndarray of float64, shape (H, W)
+        The same, less ambient light and without vignetting, but with highlights as they were, and not smoothed.
+    mask : ndarray of bool, shape (H, W)
+        Pixels to solve: those that were asked for, less masked highlights.
+    below_ambient : ndarray of bool, shape (H, W)
+        Pixels darker than the ambient light, which are 0.
+    saturated : ndarray of bool, shape (H, W)
+        Pixels that were too bright for the file.
+    specular : ndarray of bool, shape (H, W)
+        Shiny spots; none where highlights are kept, because they are not looked for.
+    masked, filled : ndarray of bool, shape (H, W)
+        Highlights, with what goes with them, that were left out, or filled from their surroundings.
+    clipped : ndarray of bool, shape (H, W)
+        Pixels that were cut to the percentile.
+    report : mapping
+        What was done and to how many pixels, ready for JSON.
+    """
+
+    light: Array
+    unfiltered: Array
+    mask: Mask
+    below_ambient: Mask
+    saturated: Mask
+    specular: Mask
+    masked: Mask
+    filled: Mask
+    clipped: Mask
+    report: Mapping[str, Any]
+
+    def normalised(self, how: Normalise = "linear", *, percentile: float | None = None) -> NormalisedPhoto:
+        """E in [0, 1], for a parallel light.
+
+        Parameters
+        ----------
+        how : {"linear", "grey", "none"}
+            Divide by the brightest value, stretch by eq. (2), or take the light for E as it is.
+        percentile : float, optional
+            In (0, 100]; the brightest value is this percentile of the pixels to solve, so that a few hot pixels do not
+            set it. Left out, it is 99.5 for "linear" and 100 for "grey".
+
+        Returns
+        -------
+        NormalisedPhoto
+
+        Raises
+        ------
+        InputError
+            When `how` is unknown, `percentile` is impossible or given for "none", or there is no shading.
+        """
+        black, white, image = 0.0, 1.0, self.light
+        if how == "linear":
+            percentile = 99.5 if percentile is None else percentile
+            white = brightest_diffuse(image, mask=self.mask, percentile=percentile)
+            image = normalise_linear(image, mask=self.mask, brightest=white)
+        elif how == "grey":
+            percentile = 100.0 if percentile is None else percentile
+            image = normalise_grey(image, self.mask, percentile=percentile)
+            inside = self.light[self.mask]
+            black, white = float(inside.min()), float(np.percentile(inside, percentile))
+        elif how != "none":
+            raise InputError(f"how={brief(how)} is unknown: give one of {', '.join(get_args(Normalise))}.")
+        elif percentile is not None:
+            raise InputError(
+                f"percentile={brief(percentile)} has no meaning where nothing is normalised: leave it out."
+            )
+        unfiltered = np.clip((self.unfiltered - black) / (white - black), 0.0, 1.0)
+        report = {
+            "normalise": how,
+            "white_percentile": percentile,
+            "black": black,
+            "white": white,
+            "white_pixels": int(np.count_nonzero(image[self.mask] >= 1.0)),
+        }
+        return NormalisedPhoto(image, unfiltered, report)
+
+
+@dataclass(frozen=True, eq=False)
+class NormalisedPhoto:
+    """A photo as E.
+
+    Attributes
+    ----------
+    image : ndarray of float64, shape (H, W)
+        E; what is brighter than the brightest value is 1.
+    unfiltered : ndarray of float64, shape (H, W)
+        :attr:`PreparedPhoto.unfiltered` on the same scale, cut to [0, 1].
+    report : mapping
+        What was done, the linear light that became 0 and 1, and how many pixels are 1, ready for JSON.
+    """
+
+    image: Array
+    unfiltered: Array
+    report: Mapping[str, Any]
+
+
+def prepare_photo(
+    photo: Photo, camera: Camera, preparation: Preparation = Preparation(), *, mask: ArrayLike | None = None
+) -> PreparedPhoto:
+    """The light that a surface sends, from a photo of it.
+
+    Parameters
+    ----------
+    photo : Photo
+        As :func:`persfs_cl.io.photos.read_photo` returns it.
+    camera : Camera
+        For the law of vignetting.
+    preparation : Preparation
+    mask : array_like of bool, shape (H, W), optional
+        Pixels that count, beside which nothing is looked at; those of the photo that are not transparent, by default.
+
+    Returns
+    -------
+    PreparedPhoto
+
+    Raises
+    ------
+    InputError
+        When an array has another shape or cannot be used; when nothing is brighter than the ambient light, or only
+        highlights are.
+    CameraError
+        When the camera does not fit the photo.
+
+    Examples
+    --------
+    >>> photo = read_photo("photo.jpg", channel="green")
+    >>> prepared = prepare_photo(photo, camera, Preparation(vignetting="cos4", highlights="fill"))
+    >>> solution = reconstruct(prepared.normalised().image, camera, mask=prepared.mask)
+    """
+    if not isinstance(photo, Photo):
+        raise InputError(f"photo={brief(photo)} is no Photo: give read_photo(path), or take the functions of grey.py.")
+    if not isinstance(preparation, Preparation):
+        raise InputError(f"preparation={brief(preparation)} is none: give Preparation(...), or leave it out.")
+    require_camera(camera)
+    for name, number in (("ambient", preparation.ambient), ("saturation", preparation.saturation)):
+        if isinstance(number, float) and photo.white is not None and number > photo.white:
+            raise InputError(
+                f"{name}={number:g} is more than {photo.white:g}, the largest number in a photo of {photo.bits} bits: "
+                "give a number as the file holds it."
+            )
+    values, inside = checked(photo.image, photo.mask if mask is None else mask)
+    light, below = _without_ambient(photo, values, preparation.ambient, inside)
+    light = _without_vignetting(light, camera, preparation.vignetting, inside)
+    unfiltered = light
+
+    level = preparation.saturation
+    if level is None and photo.white is not None:
+        level = _SATURATED * photo.white
+    nowhere = np.zeros_like(inside)
+    saturated = nowhere if level is None else inside & (photo.largest_sample >= level)
+    specular = masked = filled = clipped = nowhere
+    if preparation.highlights != "keep":
+        # In the colour of which the surface itself has least, the colour of the lamp stands out most.
+        specular = find_specular(_decoded(photo, photo.smallest_sample), mask=inside)
+        masked = inside & dilate(saturated | specular, _HALO)
+        if preparation.highlights == "fill":
+            highlights = masked
+            light, masked = fill_smoothly(light, highlights, mask=inside)
+            filled = highlights & ~masked
+        inside = inside & ~masked
+        if not inside.any():
+            raise InputError(
+                f"All of the {np.count_nonzero(masked)} pixels are highlights or beside one: keep them, expose the "
+                "photo less, or say from which number on a pixel is saturated."
+            )
+    # Before smoothing, which would spread a highlight over its neighbours.
+    if preparation.clip_highlights is not None:
+        light, clipped = clip_highlights(light, mask=inside, percentile=preparation.clip_highlights)
+    if preparation.mean_filter != 1:
+        light = mean_filter(light, preparation.mean_filter, inside)
+    report = {
+        "ambient": preparation.ambient if isinstance(preparation.ambient, float) else "an array",
+        "below_ambient_pixels": int(np.count_nonzero(below)),
+        "vignetting": preparation.vignetting if isinstance(preparation.vignetting, str) else "an array",
+        "saturation": level,
+        "saturated_pixels": None if level is None else int(np.count_nonzero(saturated)),
+        "highlights": preparation.highlights,
+        "specular_pixels": None if preparation.highlights == "keep" else int(np.count_nonzero(specular)),
+        "masked_pixels": int(np.count_nonzero(masked)),
+        "filled_pixels": int(np.count_nonzero(filled)),
+        "clip_highlights": preparation.clip_highlights,
+        "clipped_pixels": int(np.count_nonzero(clipped)),
+        "mean_filter": preparation.mean_filter,
+    }
+    return PreparedPhoto(light, unfiltered, inside, below, saturated, specular, masked, filled, clipped, report)
+
+
+def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
+    """Share of the light that a simple lens lets through, cos⁴ of the angle between viewing ray and optical axis.
+
+    It is (1 + x² + y²)^-2 in normalised coordinates. Lenses of many elements often darken less, and stops and narrow
+    tubes add to it.
+
+    Parameters
+    ----------
+    camera : Camera
+    shape : (int, int)
+        (height, width) of the image.
+
+    Returns
+    -------
+    ndarray of float64, shape `shape`
+        In (0, 1]; 1 on the optical axis.
+
+    Raises
+    ------
+    CameraError, InputError
+        As :meth:`Camera.grid <persfs_cl.Camera.grid>`.
+    """
+    grid = camera.grid(shape)
+    return np.asarray((1.0 + grid.x**2 + grid.y**2) ** -2)
+
+
+def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:
+    """Linear light of numbers of the file."""
+    if photo.white is None:
+        return photo.linear(samples)
+    # A table of every possible one costs far less than a power for each pixel.
+    levels = photo.linear(np.arange(photo.white + 1))
+    return np.asarray(levels[samples])
+
+
+def _without_ambient(photo: Photo, values: Array, ambient: float | ArrayLike, inside: Mask) -> tuple[Array, Mask]:
+    if isinstance(ambient, float):
+        if ambient == 0:
+            return values, np.zeros_like(inside)
+        offset: ArrayLike = photo.linear(ambient)
+    else:
+        if photo.channel == "max":
+            raise InputError(
+                "Of the largest of three colours, the light of the lamp cannot be told by subtraction: read photo and "
+                "ambient light with another channel, or give the ambient light as one number."
+            )
+        offset = ambient
+    light, below = subtract_ambient(values, offset, mask=inside)
+    if not (light[inside] > 0).any():
+        raise InputError("No pixel is brighter than the ambient light: nothing is left. Give a smaller one.")
+    return light, below
+
+
+def _without_vignetting(light: Array, camera: Camera, vignetting: str | ArrayLike, inside: Mask) -> Array:
+    if isinstance(vignetting, str):
+        if vignetting == "none":
+            return light
+        return divide_vignetting(light, cos4_vignetting(camera, (inside.shape[0], inside.shape[1])), mask=inside)
+    share = as_array("vignetting", vignetting)
+    flat = divide_vignetting(light, share, mask=inside)
+    # Another exposure of the plate must not change the scale of the light, which a lamp's gain refers to.
+    flat[inside] *= share.max(where=inside, initial=0)
+    return flat

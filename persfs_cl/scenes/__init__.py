@@ -1,0 +1,1 @@
+"""Surfaces whose depth is known exactly."""

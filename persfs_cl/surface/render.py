@@ -1,0 +1,145 @@
+"""The forward model: the photograph that a surface would give."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl._cl import launches
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.selection import select_device
+from persfs_cl.camera import Camera, require_camera
+from persfs_cl.checks import as_floats, as_mask, brief
+from persfs_cl.choices import Precision
+from persfs_cl.errors import InputError
+from persfs_cl.shading.light import FlashLight, Light, ParallelLight
+from persfs_cl.shading.material import Lambertian, Reflectance
+from persfs_cl.shading.model import Model
+from persfs_cl.solver import reference
+from persfs_cl.solver.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
+from persfs_cl.solver.problem import require_albedo
+from persfs_cl.surface.geometry import Cuts, depth_array, log_depth_gradient
+
+_MOST_POWER = 300.0
+"""Of ten, in a brightness: beyond, double precision ends."""
+
+
+def render(
+    depth: ArrayLike,
+    camera: Camera,
+    *,
+    light: Light = ParallelLight(),
+    reflectance: Reflectance = Lambertian(),
+    mask: ArrayLike | None = None,
+    albedo: ArrayLike | None = None,
+    cuts: Cuts | None = None,
+    device: int | str | Device | None = None,
+    precision: Precision = "float32",
+) -> NDArray[np.float64]:
+    """Photograph a surface: eq. (6) under a parallel light, I = κ c(θ) / r² or κ c(θ) under a flash.
+
+    Parameters
+    ----------
+    depth : array_like, shape (height, width)
+        z > 0 along the optical axis, in any unit, or under a flash in that of its gain; NaN where there is no surface.
+    camera : Camera
+    light : ParallelLight or FlashLight
+        Frontal and parallel by default. With a lamp beside the camera NumPy computes the image, not the device.
+    reflectance : Lambertian, OrenNayar or Phong
+    mask : array_like of bool, shape (height, width), optional
+        Pixels to render; derivatives do not look across its edge.
+    albedo : array_like of float, shape (height, width), optional
+        Share of light in (0, 1] that the surface returns, by which the image is multiplied; 1 when not given.
+    cuts : Cuts, optional
+        Where the surface is interrupted between pixels, as :attr:`Solution.cuts`; derivatives do not look across.
+    device : optional
+        As for :func:`reconstruct`.
+    precision : {"float32", "float64"}
+
+    Returns
+    -------
+    ndarray of float64, shape (height, width)
+        Under a parallel light E, at most 1, and negative where the surface turns its back to the light; under a flash
+        the brightness on the scale of the gain. NaN outside.
+
+    Raises
+    ------
+    InputError
+        When the depth is not a 2-D array of values from 1e-30 to 1e30, or the mask, the albedo or the cuts do not fit
+        it, or the lamp lies on it.
+    DeviceError
+        When the device does not exist or lacks the precision.
+
+    Notes
+    -----
+    Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
+    """
+    model = Model.of(light, reflectance)
+    require_camera(camera)
+    if not isinstance(precision, str) or precision not in get_args(Precision):
+        raise InputError(f"precision={brief(precision)} is not a choice: use one of {', '.join(get_args(Precision))}.")
+    values = as_floats("depth", depth)
+    if mask is not None:
+        values = np.where(as_mask("mask", mask, values.shape, whose="depth"), values, np.nan)
+    values = depth_array(values)
+    present = ~np.isnan(values)
+    if not present.any():
+        raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
+    reflecting = None if albedo is None else require_albedo(albedo, present)
+    if cuts is not None:
+        if not isinstance(cuts, Cuts):
+            raise InputError(f"cuts={brief(cuts)} is none: give Solution.cuts, or persfs_cl.surface.geometry.Cuts.")
+        cuts.check(values.shape)
+    shape = values.shape[0], values.shape[1]
+    grid = camera.grid(shape)
+    camera.warn_if_off_image(shape)
+    if isinstance(light, FlashLight) and not light.coaxial:
+        # Not a kernel: done once an image, in double precision, by the formula that reconstruct() itself uses.
+        p, q = log_depth_gradient(values, camera, cuts)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lit = reference.brightness(np.log(values), p, q, grid.x, grid.y, replace(light, gain=1.0), reflectance)
+        if within := int(np.count_nonzero(~np.isfinite(lit) & present)):
+            raise InputError(f"light={light!r} lies on the surface, at {within} pixels of the depth: move it away.")
+        return _with_gain(lit if reflecting is None else lit * reflecting, light, 0.0)
+    log_depth = np.log(np.where(present, values, 1.0))
+    # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.
+    level = float(np.median(log_depth[present]))
+    log_depth -= level
+    flags = missing_neighbours(present) | present * np.uint8(SWEPT)
+    if cuts is not None:
+        flags[:, :-1][cuts.right] |= NO_RIGHT
+        flags[:, 1:][cuts.right] |= NO_LEFT
+        flags[:-1][cuts.down] |= NO_DOWN
+        flags[1:][cuts.down] |= NO_UP
+    image = launches.render(
+        select_device(device),
+        model.kernels,
+        precision,
+        log_depth,
+        flags,
+        model.of_unit_gain.parameters(grid),
+        grid.x,
+        grid.y[:, 0],
+    )
+    brightness: NDArray[np.float64] = image.astype(np.float64)
+    if reflecting is not None:
+        brightness *= reflecting
+    return _with_gain(brightness, light, -2.0 * level if model.falls_off else 0.0)
+
+
+def _with_gain(brightness: NDArray[np.float64], light: Light, log_scale: float) -> NDArray[np.float64]:
+    """The brightness under a flash of gain 1, or a parallel light, on the scale of the light's own and of a factor."""
+    if not isinstance(light, FlashLight):
+        return brightness
+    largest = float(np.nanmax(np.abs(brightness)))
+    power = (math.log(light.gain) + log_scale + math.log(largest)) / math.log(10.0) if largest > 0.0 else 0.0
+    if not abs(power) < _MOST_POWER:
+        raise InputError(
+            f"light={light!r} makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, or "
+            "the depth in that of the gain."
+        )
+    return brightness * math.exp(log_scale) * light.gain

@@ -1,0 +1,504 @@
+"""Every kernel against its plain NumPy twin, and the orderings against each other, on every device."""
+
+from __future__ import annotations
+
+import functools
+import re
+from dataclasses import replace
+
+import numpy as np
+import pyopencl as cl
+import pytest
+from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, fitted, random_problem, sweeper
+
+from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
+from persfs_cl._cl import launches
+from persfs_cl._cl.launches import DIRECTIONS, Sweeper
+from persfs_cl._cl.program import kernel_names, kernel_source
+from persfs_cl._cl.tuning import Tuning
+from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.reference import ParallelEquation, Reference
+
+SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
+TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
+SETUPS = LAX_FRIEDRICHS | UPWIND
+HEADLIGHT = {
+    "upwind headlight": {
+        "light": FlashLight(gain=2.0, falloff=False),
+        "reflectance": OrenNayar(0.3),
+        "scheme": "upwind",
+    }
+}
+# Those with kernels of their own: the sign of the surface and the direction of a parallel light are numbers.
+KERNELS = ["upwind oblique toward", *list(UPWIND)[4:], "flash on a shiny surface"]
+
+LAMPS = [name for name in UPWIND if name.startswith("upwind lamp")]
+
+both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
+
+
+def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str) -> None:
+    """Equal up to rounding of values as large as the start value, which is large."""
+    scale = np.maximum(1.0, np.abs(expected))
+    np.testing.assert_array_less(np.abs(device_values - expected) / scale, TOLERANCE[precision])
+
+
+def assert_a_sweep(device_values: np.ndarray, expected: np.ndarray, precision: str, name: str) -> None:
+    """The twin's values; under a flash the upwind kernels come down to them from above, in several sweeps."""
+    if name.startswith(("upwind flash", "upwind lamp")):
+        expected = np.maximum(device_values, expected)
+    assert_close(device_values, expected, precision)
+
+
+@functools.cache
+def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarray]:
+    """Values after each; the twin takes its time."""
+    judge = Reference.of(random_problem(7, shape, boundary="wall", **SETUPS[name]))
+    values = []
+    for direction in DIRECTIONS:
+        judge.sweep(*direction)
+        values.append(judge.log_depth.copy())
+    return values
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        *[(name, shape) for name in LAX_FRIEDRICHS for shape in [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)]],
+        *[(name, shape) for name in UPWIND if name not in LAMPS for shape in [(1, 5), (5, 1), (6, 7)]],
+        # The twin takes a third of a second for a cell and sweep.
+        *[(name, shape) for name in LAMPS for shape in [(1, 3), (3, 1), (3, 4)]],
+    ],
+)
+def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, shape: tuple[int, int]) -> None:
+    problem = random_problem(7, shape, boundary="wall", **SETUPS[name])
+    expected = four_sweeps_of_the_twin(name, shape)
+    kernel = sweeper(problem, device, precision, "wavefront")
+    for number, values in enumerate(expected):
+        kernel.sweep(number)
+        assert_a_sweep(kernel.log_depth()[0], values, precision, name)
+    assert (kernel.log_depth()[0] < problem.start).any(), "something must have moved"
+
+
+@functools.cache
+def two_sweeps_of_the_coloured_twin(name: str) -> list[np.ndarray]:
+    judge = Reference.of(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
+    values = []
+    for _ in range(2):
+        judge.sweep_colour(0)
+        judge.sweep_colour(1)
+        values.append(judge.log_depth.copy())
+    return values
+
+
+@pytest.mark.parametrize("name", SETUPS)
+def test_each_checkerboard_sweep_equals_the_twin(device: Device, precision: str, name: str) -> None:
+    problem = random_problem(3, (23, 38), boundary="wall", **SETUPS[name])
+    kernel = sweeper(problem, device, precision, "checkerboard")
+    for number, values in enumerate(two_sweeps_of_the_coloured_twin(name)):
+        kernel.sweep(number)
+        assert_a_sweep(kernel.log_depth()[0], values, precision, name)
+
+
+@pytest.mark.parametrize("name", UPWIND)
+def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None:
+    """The value of each cell is its lowest candidate, unless it kept the start value."""
+    problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
+    kernel = sweeper(problem, device, "float64", "wavefront")
+    assert kernel.run(100)[-1] <= 1e-13
+    judge = Reference.of(problem)
+    judge.log_depth = kernel.log_depth()[0].astype(np.float64)
+    rows, columns = np.nonzero(problem.domain.solved)
+    found = [judge.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
+    least = np.fmin.reduce([*found, problem.start[rows, columns]])
+    values = kernel.log_depth()[0][rows, columns]
+    # A lamp beside the camera may leave dark pixels no value at the largest slope: E is the cosine at their own.
+    tells = judge.equation(rows, columns, 30.0).at(values).brightness > (0.02 if "beside" in name else 0.0)
+    assert tells.mean() > 0.9
+    assert_close(values[tells], least[tells], "float64")
+
+
+@pytest.mark.parametrize("boundary", ["outflow", "extrapolate"])
+@pytest.mark.parametrize("shape", [(3, 3), (3, 12), (26, 17)])
+def test_boundary_renewal_equals_the_twin(
+    device: Device, precision: str, shape: tuple[int, int], boundary: str
+) -> None:
+    problem = random_problem(11, shape, boundary=boundary, holes=0.05)
+    values = np.random.default_rng(5).uniform(0.0, 1.0, shape)
+    values.ravel()[problem.domain.boundary.cells] += 1.0
+    linear = boundary == "extrapolate"
+    judge, kernel = Reference.of(problem, linear=linear), None
+    judge.log_depth = values.copy()
+    problem = replace(problem, first=values, known_values=values[problem.domain.known] + problem.level)
+    kernel = sweeper(problem, device, precision, "wavefront", linear=linear)
+    kernel.renew_boundary()
+    judge.renew_boundary()
+    assert_close(kernel.log_depth()[0], judge.log_depth, precision)
+    if len(problem.domain.boundary.cells):
+        assert (judge.log_depth != values).any()
+
+
+@functools.cache
+def twelve_iterations_of_the_twin() -> tuple[np.ndarray, float]:
+    """Values after them, and the change of the last."""
+    judge = Reference.of(random_problem(2, (28, 35), light=OBLIQUE))
+    changes = [judge.iterate() for _ in range(12)]
+    return judge.log_depth, changes[-1]
+
+
+@pytest.mark.parametrize("ordering", ["lexicographic", "wavefront"])
+def test_iterations_equal_the_twin(device: Device, precision: str, ordering: str) -> None:
+    kernel = sweeper(random_problem(2, (28, 35), light=OBLIQUE), device, precision, ordering)
+    change = float(kernel.run(12)[-1, 0])
+    values, expected = twelve_iterations_of_the_twin()
+    assert_close(kernel.log_depth()[0], values, precision)
+    assert change == pytest.approx(expected, rel=1e-2 if precision == "float32" else 1e-6)
+
+
+def assert_same_bits(problem: Problem, device: Device, precision: str, *, linear: bool = False) -> None:
+    one = sweeper(problem, device, precision, "lexicographic", linear=linear)
+    other = sweeper(problem, device, precision, "wavefront", linear=linear)
+    for number in range(8):
+        for kernel in (one, other):
+            kernel.sweep(number % 4)
+            kernel.renew_boundary()
+        np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
+
+
+@both_ways
+@pytest.mark.parametrize("shape", SIZES)
+def test_wavefront_gives_the_bits_of_lexicographic(
+    device: Device, precision: str, shape: tuple[int, int], surface: str
+) -> None:
+    for seed in range(3):
+        boundary = ("outflow", "wall", "extrapolate")[seed]
+        light = (ParallelLight(), OBLIQUE, ParallelLight(-0.5, 0.1))[seed]
+        problem = random_problem(seed, shape, surface=surface, light=light, boundary=boundary)
+        assert_same_bits(problem, device, precision, linear=boundary == "extrapolate")
+
+
+@pytest.mark.parametrize("name", ["upwind frontal away", *KERNELS])
+def test_wavefront_gives_the_bits_of_lexicographic_by_any_kernels(device: Device, precision: str, name: str) -> None:
+    for seed, shape in enumerate([(1, 9), (9, 1), (2, 2), (13, 31), (37, 70)]):
+        assert_same_bits(random_problem(seed, shape, boundary="wall", **SETUPS[name]), device, precision)
+
+
+# Each height is a program of its own: the lowest, and what CPUs get.
+STRIPS = {(rows, groups): Tuning("wavefront_strips", 8, rows, groups) for rows in (8, 24) for groups in (1, 2, 3, 4)}
+IMAGES = {(rows, groups): Tuning("wavefront_images", 8, rows, groups) for rows in (8, 24) for groups in (1, 3)}
+BANDS = [
+    Tuning("checkerboard_bands", 8, work_groups=groups, polls=polls, band_rows=rows)
+    for rows, groups, polls in ((1, 1, 4000), (2, 2, 4000), (1, 3, 4000), (5, 4, 4000), (3, 2, 1))
+]
+# What processors with narrower registers get.
+NARROW_STRIPS = [
+    Tuning(variant, lanes, vectors * lanes, 2)
+    for variant, lanes, vectors in (
+        ("wavefront_strips", 2, 3),
+        ("wavefront_strips", 4, 3),
+        ("wavefront_images", 2, 1),
+        ("wavefront_images", 4, 3),
+    )
+]
+NARROW_BANDS = [Tuning("checkerboard_bands", lanes, work_groups=2, band_rows=3) for lanes in (2, 4)]
+TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard"), Tuning("lexicographic")
+
+
+@pytest.mark.parametrize(
+    "tuning",
+    [TILES, Tuning("wavefront_tiles", tile=(8, 16)), *STRIPS.values(), *IMAGES.values(), *NARROW_STRIPS],
+    ids=str,
+)
+def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
+    """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
+    for name in ("frontal away", "frontal toward"):
+        assert_tuning_gives_the_bits(device, precision, tuning, name, largest=140)
+
+
+# Both precisions of these kernels go through strips, above, and of these variants through the test before.
+@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3]], ids=lambda t: t.variant)
+@pytest.mark.parametrize("name", KERNELS)
+def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
+    device: Device, tuning: Tuning, name: str
+) -> None:
+    assert_tuning_gives_the_bits(device, "float32", tuning, name, largest=60)
+
+
+# Each height is a program of its own, which takes long to compile.
+@pytest.mark.parametrize(
+    "tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), NARROW_STRIPS[0]], ids=str
+)
+def test_tunings_give_the_bits_of_lexicographic_at_second_order(device: Device, precision: str, tuning: Tuning) -> None:
+    tuning = replace(tuning, second_order=True)
+    assert_tuning_gives_the_bits(device, precision, tuning, "upwind oblique toward", largest=140)
+
+
+@pytest.mark.parametrize(("real", "only_lower"), [("float32", False), ("float64", True)])
+@pytest.mark.parametrize("name", [*UPWIND, *HEADLIGHT])
+def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
+    device: Device, name: str, real: str, only_lower: bool
+) -> None:
+    if real == "float64" and not device.has_float64:
+        pytest.skip(f"{device} has no double precision")
+    corrected = replace(STRIPS[8, 2], second_order=True, only_lower=only_lower)
+    assert_tuning_gives_the_bits(device, real, corrected, name, largest=60)
+
+
+def assert_tuning_gives_the_bits(device: Device, precision: str, tuning: Tuning, name: str, *, largest: int) -> None:
+    plain = replace(LEXICOGRAPHIC, second_order=tuning.second_order, only_lower=tuning.only_lower)
+    random = np.random.default_rng(len(tuning.variant) + tuning.strip_rows // 8 + 10 * tuning.work_groups)
+    for seed in range(2):
+        height, width = random.integers(1, largest, 2)
+        shape = (int(height), int(width) + 1)
+        problem = random_problem(seed, shape, boundary="wall", holes=0.05 * seed, **(SETUPS | HEADLIGHT)[name])
+        if tuning.second_order:
+            problem = with_first_order(problem, device)
+        one = sweeper(problem, device, precision, "lexicographic", tuning=plain)
+        expected_changes = one.run(3)
+        assert expected_changes.any() or not problem.domain.solved.any(), "something must have moved"
+        for _ in range(3):
+            other = sweeper(problem, device, precision, "wavefront", tuning=tuning)
+            np.testing.assert_array_equal(other.run(3), expected_changes)
+            np.testing.assert_array_equal(other.log_depth(), one.log_depth())
+
+
+def with_first_order(problem: Problem, device: Device) -> Problem:
+    """The problem, to be gone on with from values of first order."""
+    kernel = sweeper(problem, device, "float32", "wavefront")
+    kernel.run(6)
+    return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
+
+
+@pytest.mark.parametrize(
+    "tuning", [*(Tuning("checkerboard", lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str
+)
+def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
+    device: Device, precision: str, tuning: Tuning
+) -> None:
+    """Some groups give up at once, as if the others had lost their processors."""
+    for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]):
+        problem = random_problem(seed, shape, light=OBLIQUE, boundary=("outflow", "wall")[seed % 2])
+        assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, tuning)
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_checkerboard_is_the_same_by_any_kernels(device: Device, name: str) -> None:
+    for seed, shape in enumerate([(1, 2), (8, 16), (17, 31)]):
+        problem = random_problem(seed, shape, boundary="wall", **SETUPS[name])
+        assert_checkerboard_gives_the_bits_of_cells(problem, device, "float32", BANDS[1])
+
+
+def assert_checkerboard_gives_the_bits_of_cells(
+    problem: Problem, device: Device, precision: str, tuning: Tuning
+) -> None:
+    by_cells = sweeper(problem, device, precision, "checkerboard", tuning=CHECKERBOARD)
+    # A whole iteration, single sweeps, and iterations of which several share a launch.
+    expected = [by_cells.run(1)]
+    for number in range(4):
+        by_cells.sweep(number)
+    expected.append(by_cells.run(7))
+    for _ in range(3):
+        other = sweeper(problem, device, precision, "checkerboard", tuning=tuning)
+        changes = [other.run(1)]
+        for number in range(4):
+            other.sweep(number)
+        changes.append(other.run(7))
+        np.testing.assert_array_equal(np.concatenate(changes), np.concatenate(expected))
+        np.testing.assert_array_equal(other.log_depth(), by_cells.log_depth())
+
+
+@pytest.mark.parametrize(
+    ("tuning", "name"),
+    [
+        *[
+            (tuning, "frontal away")
+            for tuning in (TILES, STRIPS[8, 3], IMAGES[8, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
+        ],
+        *[(tuning, "upwind flash") for tuning in BANDS],
+        *[(tuning, name) for tuning in (TILES, IMAGES[24, 3]) for name in ("upwind frontal away", "upwind flash")],
+        (STRIPS[24, 2], "upwind frontal away"),
+    ],
+    ids=str,
+)
+def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuning: Tuning, name: str) -> None:
+    """Each has its own mask, boundary, known values, start and end."""
+    boundary = "wall" if name in UPWIND else "outflow"
+    problems = [
+        random_problem(seed, (45, 38), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
+    ]
+    ordering = tuning.variant.split("_")[0]
+
+    def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
+        shared = Sweeper(
+            device,
+            [problem.numbers for problem in members],
+            model=members[0].model.kernels_with(members[0].scheme),
+            ordering=ordering,
+            precision="float32",
+            tolerance=1e-3,
+            tuning=fitted(tuning, device, "float32"),
+        )
+        changes = np.concatenate([shared.run(count) for count in (1, 7, 60, 60, 60, 60)])
+        return changes, shared.log_depth()
+
+    changes, values = run(problems)
+    ends = set()
+    for number, problem in enumerate(problems):
+        alone_changes, alone = run([problem])
+        np.testing.assert_array_equal(changes[:, number], alone_changes[:, 0])
+        np.testing.assert_array_equal(values[number], alone[0])
+        ends.add(int(np.argmax(changes[:, number] <= 1e-3)))
+    assert len(ends) > 1, "the images must end at different times"
+
+
+@pytest.mark.parametrize("tuning", [None, *BANDS], ids=str)
+def test_an_image_rests_from_the_iteration_that_met_the_tolerance(
+    device: Device, precision: str, tuning: Tuning | None
+) -> None:
+    problem = random_problem(1, (30, 30), boundary="wall")
+    ordering = "checkerboard" if tuning else "wavefront"
+    stepwise, queued = (sweeper(problem, device, precision, ordering, tolerance=0.01, tuning=tuning) for _ in range(2))
+    changes: list[float] = []
+    while not changes or changes[-1] > 0.01:
+        changes.append(float(stepwise.run(1)[0, 0]))
+    expected = stepwise.log_depth()
+    record = queued.run(len(changes) + 20)[:, 0]
+    np.testing.assert_array_equal(record[: len(changes)], changes)
+    assert (record[len(changes) :] == 0).all()
+    np.testing.assert_array_equal(queued.log_depth(), expected)
+    stepwise.run(5)
+    np.testing.assert_array_equal(stepwise.log_depth(), expected)
+
+
+@pytest.mark.parametrize("tuning", BANDS[1:3], ids=str)
+def test_an_image_that_rests_does_so_in_the_launches_that_follow(
+    device: Device, tuning: Tuning, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = random_problem(1, (30, 30), boundary="wall")
+    one, several = (
+        sweeper(problem, device, "float32", "checkerboard", tolerance=0.01, tuning=tuning) for _ in range(2)
+    )
+    expected = one.run(100)
+    rests_after = int(np.argmax(expected <= 0.01)) + 1
+    assert 3 < rests_after < 90
+    monkeypatch.setattr(launches, "_LAUNCHED_CELLS", 3 * problem.shading.size)
+    np.testing.assert_array_equal(several.run(100), expected)
+    np.testing.assert_array_equal(several.log_depth(), one.log_depth())
+
+
+@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
+def test_runs_that_share_kernels_do_not_touch_each_other(device: Device, ordering: str) -> None:
+    problems = [random_problem(seed, (30, 37), boundary="wall") for seed in range(3)]
+    alone, in_turns = ([sweeper(problem, device, "float32", ordering) for problem in problems] for _ in range(2))
+    for kernel in alone:
+        for _ in range(5):
+            kernel.run(2)
+    for _ in range(5):
+        for kernel in in_turns:
+            kernel.run(2)
+    for one, other in zip(alone, in_turns, strict=True):
+        np.testing.assert_array_equal(one.log_depth(), other.log_depth())
+
+
+@pytest.mark.parametrize("second_order", [False, True], ids=["first order", "second order"])
+@pytest.mark.parametrize("work_groups", [1, 2, 3, 4])
+def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int, second_order: bool) -> None:
+    """A group that gives up at its first vain look at the strip before, as if that had lost its processor."""
+    setup = SETUPS["upwind oblique toward" if second_order else "frontal away"]
+    problems = [random_problem(seed, (150, 90 + seed), boundary="wall", **setup) for seed in range(3)]
+    if second_order:
+        problems = [with_first_order(problem, device) for problem in problems]
+    impatient = Tuning("wavefront_strips", 8, 8, work_groups, polls=1, second_order=second_order)
+    plain = replace(LEXICOGRAPHIC, second_order=second_order)
+    for problem in problems:
+        one = sweeper(problem, device, "float32", "lexicographic", tuning=plain)
+        expected_changes = one.run(4)
+        for _ in range(3):
+            other = sweeper(problem, device, "float32", "wavefront", tuning=impatient)
+            np.testing.assert_array_equal(other.run(4), expected_changes)
+            np.testing.assert_array_equal(other.log_depth(), one.log_depth())
+
+
+@pytest.mark.parametrize("tuning", [STRIPS[8, 2], BANDS[1]], ids=lambda tuning: tuning.variant)
+def test_work_left_undone_is_an_error(device: Device, tuning: Tuning) -> None:
+    problem = random_problem(1, (40, 40), boundary="wall")
+    kernel = sweeper(problem, device, "float32", tuning.variant.split("_")[0], tuning=tuning)
+    wrong = np.full(kernel._sync_buffer.size // 4, 7, np.int32)
+    wrong[0] = 0
+    cl.enqueue_copy(device.queue, kernel._sync_buffer, wrong)
+    with pytest.raises(DeviceError, match="left parts of the image undone"):
+        kernel.run(1)
+
+
+@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
+@pytest.mark.parametrize(
+    ("boundary", "name"),
+    [*[(boundary, "frontal away") for boundary in ("outflow", "extrapolate")], *[("wall", name) for name in SETUPS]],
+)
+def test_values_never_rise(device: Device, precision: str, ordering: str, boundary: str, name: str) -> None:
+    problem = random_problem(4, (33, 47), boundary=boundary, **SETUPS[name])
+    kernel = sweeper(problem, device, precision, ordering, linear=boundary == "extrapolate")
+    before = kernel.log_depth()[0]
+    for number in range(16):
+        kernel.sweep(number % 4)
+        swept = kernel.log_depth()[0]
+        assert (swept <= before).all()
+        kernel.renew_boundary()
+        after = kernel.log_depth()[0]
+        assert (after <= swept).all()
+        assert (after < before).any() or number > 3
+        before = after
+
+
+@pytest.mark.parametrize("name", ["oblique away", "oblique toward", "flash on a shiny surface", *UPWIND])
+def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, precision: str, name: str) -> None:
+    # State constraints keep the scheme monotone; eq. (12) does not, and its limit may depend on the order of the cells.
+    problem = random_problem(8, (40, 45), boundary="wall", **SETUPS[name])
+    limits = []
+    for ordering in ("wavefront", "checkerboard"):
+        kernel = sweeper(problem, device, precision, ordering)
+        change = np.inf
+        for _ in range(60):
+            if (change := float(kernel.run(50)[-1, 0])) == 0.0:
+                break
+        assert change <= (2e-7 if precision == "float32" else 1e-15)
+        limits.append(kernel.log_depth()[0])
+    np.testing.assert_allclose(limits[0], limits[1], atol=1e-4 if precision == "float32" else 1e-11)
+
+
+@pytest.mark.parametrize("light", [ParallelLight(), OBLIQUE], ids=["frontal", "oblique"])
+def test_least_slope_is_where_the_hamiltonian_is_least(light: ParallelLight) -> None:
+    slopes = np.linspace(-30.0, 30.0, 600_001)
+    for numbers in ((0.9, 0.2, 0.3, -0.1), (0.5, -1.5, -0.4, 0.2), (0.35, 0.0, 0.5, 0.5)):
+        brightness, given, x, y = (np.array(number) for number in numbers)
+        equation = ParallelEquation(brightness, x, y, light, 30.0)
+        expected_p = slopes[equation.hamiltonian(slopes, given).argmin()]
+        expected_q = slopes[equation.hamiltonian(given, slopes).argmin()]
+        assert equation.least_p(given) == pytest.approx(expected_p, abs=2e-4)
+        assert equation.least_q(given) == pytest.approx(expected_q, abs=2e-4)
+
+
+def test_change_is_the_largest_over_the_iteration(device: Device, precision: str) -> None:
+    problem = random_problem(6, (61, 83))
+    kernel = sweeper(problem, device, precision, "wavefront")
+    before = kernel.log_depth()[0]
+    for _ in range(4):
+        change = float(kernel.run(1)[0, 0])
+        after = kernel.log_depth()[0]
+        assert change == pytest.approx(float((before - after).max()), rel=1e-6)
+        before = after
+
+
+def test_known_values_stay(device: Device, precision: str) -> None:
+    problem = random_problem(9, (20, 20))
+    kernel = sweeper(problem, device, precision, "checkerboard")
+    for _ in range(5):
+        float(kernel.run(1)[0, 0])
+    known = problem.domain.known
+    np.testing.assert_array_equal(kernel.log_depth()[0][known], problem.start[known].astype(precision))
+
+
+@pytest.mark.parametrize("name", kernel_names())
+def test_the_library_is_given_no_vectors(name: str) -> None:
+    """Its functions may be compiled for wider registers than the kernels: PoCL's then end the process."""
+    assert not re.search(r"\b(convert_|vload|vstore|native_|half_\w+\()", kernel_source(name))
