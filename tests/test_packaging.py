@@ -172,7 +172,8 @@ import persfs_cl.cli
 print(*{"numpy", "pyopencl", "typer"} & sys.modules.keys(), "early")
 listed = dir(ps)
 assert {*ps.__all__, "__version__"} <= {*listed}
-assert ps.scenes.bump is ps.bump
+import persfs_cl.scenes.analytic
+assert ps.scenes.analytic.bump is ps.bump
 from persfs_cl import *
 assert reconstruct is ps.reconstruct
 assert all(name in globals() for name in ps.__all__)

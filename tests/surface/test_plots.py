@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.surface import plots as pictures
+from persfs_cl.surface import plots
 from persfs_cl.surface.geometry import normals
 
 Array = NDArray[np.float64]
@@ -30,12 +30,12 @@ CAMERA = Camera(focal_length=(60.0, 50.0))
 NO_SURFACE = (224, 224, 224)
 
 DRAW: dict[str, Draw] = {
-    "depth": pictures.depth_picture,
-    "normals": lambda path, depth: pictures.normals_picture(path, normals(depth, CAMERA)),
-    "relief": lambda path, depth: pictures.relief_picture(path, depth, CAMERA),
-    "textured relief": lambda path, depth: pictures.relief_picture(path, depth, CAMERA, np.full(depth.shape, 0.4)),
-    "comparison": lambda path, depth: pictures.comparison_picture(path, depth / 4, depth / 5),
-    "confidence": lambda path, depth: pictures.confidence_picture(path, depth / 9, {"odd": depth > 2.4}),
+    "depth": plots.depth_picture,
+    "normals": lambda path, depth: plots.normals_picture(path, normals(depth, CAMERA)),
+    "relief": lambda path, depth: plots.relief_picture(path, depth, CAMERA),
+    "textured relief": lambda path, depth: plots.relief_picture(path, depth, CAMERA, np.full(depth.shape, 0.4)),
+    "comparison": lambda path, depth: plots.comparison_picture(path, depth / 4, depth / 5),
+    "confidence": lambda path, depth: plots.confidence_picture(path, depth / 9, {"odd": depth > 2.4}),
 }
 HISTORY = [2.0, 0.3, 0.02, 0.0]
 
@@ -101,8 +101,8 @@ def test_a_depth_that_is_nan_everywhere_is_refused_and_leaves_no_file(name: str,
 
 
 def test_depth_shows_holes_in_light_grey_and_near_in_bright(tmp_path: Path, drawn: Drawn) -> None:
-    pictures.depth_picture(tmp_path / "holed.png", a_holed_bump(), "A bump", unit="mm")
-    pictures.depth_picture(tmp_path / "whole.png", a_bump())
+    plots.depth_picture(tmp_path / "holed.png", a_holed_bump(), "A bump", unit="mm")
+    plots.depth_picture(tmp_path / "whole.png", a_bump())
     holed, whole = (
         (imageio.v3.imread(tmp_path / f"{name}.png")[..., :3] == NO_SURFACE).all(axis=-1).sum()
         for name in ("holed", "whole")
@@ -122,7 +122,7 @@ def test_depth_shows_holes_in_light_grey_and_near_in_bright(tmp_path: Path, draw
 
 def test_normals_are_coded_right_up_and_towards_the_camera(tmp_path: Path) -> None:
     right, up, camera, missing = (1, 0, 0), (0, -1, 0), (0, 0, -1), (np.nan,) * 3
-    pictures.normals_picture(tmp_path / "normals.png", np.array([[right, up], [camera, missing], [right, up]]))
+    plots.normals_picture(tmp_path / "normals.png", np.array([[right, up], [camera, missing], [right, up]]))
     pixels = imageio.v3.imread(tmp_path / "normals.png")
     assert pixels.shape == (3, 2, 3)
     assert pixels[:2].tolist() == [
@@ -133,11 +133,11 @@ def test_normals_are_coded_right_up_and_towards_the_camera(tmp_path: Path) -> No
 
 def test_normals_that_are_not_vectors_are_refused() -> None:
     with pytest.raises(InputError, match=r"normals has shape \(4, 5\)"):
-        pictures.normals_rgb(np.zeros((4, 5)))
+        plots.normals_rgb(np.zeros((4, 5)))
 
 
 def test_relief_has_one_scale_on_all_axes_and_the_near_side_up(tmp_path: Path, drawn: Drawn) -> None:
-    pictures.relief_picture(tmp_path / "relief.png", a_bump(), CAMERA, np.full((24, 37), 0.5))
+    plots.relief_picture(tmp_path / "relief.png", a_bump(), CAMERA, np.full((24, 37), 0.5))
     assert len(drawn[0].axes) == 2
     for axes in drawn[0].axes:
         (left, right), (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim(), axes.get_zlim()
@@ -156,7 +156,7 @@ def test_relief_leaves_out_the_few_pixels_that_would_shrink_all_others(
     depth = 10.0 * (a_bump((40, 40)) - 2.0) + 2.0
     depth *= 3.0 / depth.max()
     depth[2:4, 3:5] = far
-    pictures.relief_picture(tmp_path / "relief.png", depth, CAMERA)
+    plots.relief_picture(tmp_path / "relief.png", depth, CAMERA)
     assert drawn[0].axes[0].get_zlim()[0] == pytest.approx(shown)
     assert ("4 pixels outside the view" in drawn[0].texts[-1].get_text()) == (far > shown)
 
@@ -164,21 +164,21 @@ def test_relief_leaves_out_the_few_pixels_that_would_shrink_all_others(
 def test_relief_draws_a_large_photograph_with_few_samples(tmp_path: Path, drawn: Drawn) -> None:
     depth = np.full((500, 900), np.nan)
     depth[100:350, 200:700] = a_bump((250, 500))
-    pictures.relief_picture(tmp_path / "relief.png", depth, CAMERA)
+    plots.relief_picture(tmp_path / "relief.png", depth, CAMERA)
     (solid,) = drawn[0].axes[0].collections
     assert 80 * 160 < len(solid.get_facecolor()) <= 200 * 200
 
 
 def test_relief_wears_the_photograph(tmp_path: Path, drawn: Drawn) -> None:
     grey = np.tile(np.linspace(0.0, 1.0, 37), (24, 1))
-    pictures.relief_picture(tmp_path / "relief.png", np.full((24, 37), 2.0), CAMERA, grey)
+    plots.relief_picture(tmp_path / "relief.png", np.full((24, 37), 2.0), CAMERA, grey)
     faces = drawn[0].axes[0].collections[0].get_facecolor()
     np.testing.assert_allclose(np.unique(faces[:, 0]), np.unique((grey[0, 1:] + grey[0, :-1]) / 2), atol=1e-12)
 
 
 def test_relief_refuses_an_image_of_another_size(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"image has shape \(3, 4\)"):
-        pictures.relief_picture(tmp_path / "relief.png", a_bump(), CAMERA, np.ones((3, 4)))
+        plots.relief_picture(tmp_path / "relief.png", a_bump(), CAMERA, np.ones((3, 4)))
 
 
 def test_comparison_reports_errors_in_grey_levels_of_shared_pixels(tmp_path: Path, drawn: Drawn) -> None:
@@ -188,7 +188,7 @@ def test_comparison_reports_errors_in_grey_levels_of_shared_pixels(tmp_path: Pat
     rendered[0, 0] = np.nan
     rendered[3] = -2.0
     photo[3] = 0.0
-    pictures.comparison_picture(tmp_path / "comparison.png", photo, rendered, white=2.0)
+    plots.comparison_picture(tmp_path / "comparison.png", photo, rendered, white=2.0)
     mean, root_mean_square = 63.75 * 15 / 31, 63.75 * np.sqrt(15 / 31)
     titles = [axes.get_title() for axes in drawn[0].axes]
     assert titles[:2] == ["Photograph", "Re-rendered"]
@@ -201,13 +201,13 @@ def test_comparison_reports_errors_in_grey_levels_of_shared_pixels(tmp_path: Pat
 @pytest.mark.parametrize("shapes", [((3, 4), (4, 3)), ((3,), (3,)), ((3, 4, 3), (3, 4, 3))])
 def test_comparison_refuses_images_that_do_not_fit(shapes: tuple[tuple[int, ...], ...], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="shape"):
-        pictures.comparison_picture(tmp_path / "comparison.png", np.ones(shapes[0]), np.ones(shapes[1]))
+        plots.comparison_picture(tmp_path / "comparison.png", np.ones(shapes[0]), np.ones(shapes[1]))
 
 
 @pytest.mark.parametrize("white", [0.0, -1.0, np.inf, np.nan])
 def test_comparison_refuses_a_white_that_is_none(white: float, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="white="):
-        pictures.comparison_picture(tmp_path / "comparison.png", a_bump(), a_bump(), white=white)
+        plots.comparison_picture(tmp_path / "comparison.png", a_bump(), a_bump(), white=white)
 
 
 def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Drawn) -> None:
@@ -217,7 +217,7 @@ def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Dr
     dark[1] = shiny[1:, 2:] = True
     never[1, 0] = True
     doubts = {"dark": dark, "shiny": shiny, "also dark": never}
-    pictures.confidence_picture(tmp_path / "confidence.png", errors, doubts)
+    plots.confidence_picture(tmp_path / "confidence.png", errors, doubts)
     left, right, bar = drawn[0].axes
     assert "θ: angle between normal and light" in bar.get_ylabel()
     np.testing.assert_allclose(np.ma.filled(left.images[0].get_array(), np.nan), 100 * errors)
@@ -231,14 +231,14 @@ def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Dr
 
 def test_confidence_refuses_maps_that_do_not_fit(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"doubts\['dark'\] has shape \(2, 2\)"):
-        pictures.confidence_picture(tmp_path / "a.png", np.ones((3, 4)), {"dark": np.ones((2, 2), dtype=bool)})
+        plots.confidence_picture(tmp_path / "a.png", np.ones((3, 4)), {"dark": np.ones((2, 2), dtype=bool)})
     with pytest.raises(InputError, match=r"slope_error has shape \(3,\)"):
-        pictures.confidence_picture(tmp_path / "a.png", np.ones(3), {})
+        plots.confidence_picture(tmp_path / "a.png", np.ones(3), {})
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 0.0])
 def test_convergence_is_logarithmic_and_shows_a_change_of_zero(tolerance: float, tmp_path: Path, drawn: Drawn) -> None:
-    pictures.convergence_picture(tmp_path / "convergence.png", HISTORY, tolerance)
+    plots.convergence_picture(tmp_path / "convergence.png", HISTORY, tolerance)
     axes = drawn[0].axes[0]
     assert axes.get_yscale() == "log"
     curve = axes.lines[0]
@@ -251,20 +251,20 @@ def test_convergence_is_logarithmic_and_shows_a_change_of_zero(tolerance: float,
 
 
 def test_the_start_value_does_not_squeeze_the_curve(tmp_path: Path, drawn: Drawn) -> None:
-    pictures.convergence_picture(tmp_path / "convergence.png", [3e4, 0.5, 0.01], 1e-3)
+    plots.convergence_picture(tmp_path / "convergence.png", [3e4, 0.5, 0.01], 1e-3)
     axes = drawn[0].axes[0]
     bottom, top = axes.get_ylim()
     assert 1e-4 < bottom < 1e-3
     assert 0.5 < top < 5
     assert axes.lines[-1].get_xdata().tolist() == [1]
     assert "3e+04" in axes.lines[-1].get_label()
-    pictures.convergence_picture(tmp_path / "high.png", [3e4], 1e-3)
+    plots.convergence_picture(tmp_path / "high.png", [3e4], 1e-3)
     assert drawn[1].axes[0].get_ylim()[1] > 3e4
 
 
 @pytest.mark.parametrize("shape", [(1, 60), (60, 1), (2, 500)])
 def test_the_colour_bar_of_a_slender_image_can_be_read(shape: tuple[int, int], tmp_path: Path, drawn: Drawn) -> None:
-    pictures.depth_picture(tmp_path / "a.png", np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape))
+    plots.depth_picture(tmp_path / "a.png", np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape))
     bar = drawn[0].axes[1]
     box = bar.get_window_extent()
     assert min(box.width, box.height) > 15
@@ -275,26 +275,26 @@ def test_the_colour_bar_of_a_slender_image_can_be_read(shape: tuple[int, int], t
 
 
 def test_comparison_names_a_prepared_photograph(tmp_path: Path, drawn: Drawn) -> None:
-    pictures.comparison_picture(tmp_path / "a.png", a_bump() / 4, a_bump() / 5, photo_title="Prepared photograph")
+    plots.comparison_picture(tmp_path / "a.png", a_bump() / 4, a_bump() / 5, photo_title="Prepared photograph")
     assert drawn[0].axes[0].get_title() == "Prepared photograph"
     assert "prepared photograph" in drawn[0].axes[3].get_ylabel()
 
 
 def test_convergence_can_be_drawn_when_nothing_ever_changed(tmp_path: Path) -> None:
-    pictures.convergence_picture(tmp_path / "convergence.png", [0.0], 0.0)
+    plots.convergence_picture(tmp_path / "convergence.png", [0.0], 0.0)
     assert imageio.v3.imread(tmp_path / "convergence.png").size
 
 
 @pytest.mark.parametrize("changes", [[], [1.0, -1.0], [np.nan], [np.inf], [[1.0]]])
 def test_convergence_refuses_what_is_no_history(changes: list[Any], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="changes="):
-        pictures.convergence_picture(tmp_path / "convergence.png", changes, 1e-4)
+        plots.convergence_picture(tmp_path / "convergence.png", changes, 1e-4)
 
 
 @pytest.mark.parametrize("tolerance", [-1.0, np.nan, np.inf])
 def test_convergence_refuses_an_impossible_tolerance(tolerance: float, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="tolerance="):
-        pictures.convergence_picture(tmp_path / "convergence.png", HISTORY, tolerance)
+        plots.convergence_picture(tmp_path / "convergence.png", HISTORY, tolerance)
 
 
 def test_pictures_drawn_in_threads_are_the_same(tmp_path: Path) -> None:
@@ -311,7 +311,7 @@ def test_drawing_needs_neither_pyplot_nor_a_backend(tmp_path: Path) -> None:
     code = (
         "import sys; from persfs_cl import camera; from persfs_cl.surface import plots, geometry\n"
         "assert not {'matplotlib', 'trimesh', 'imageio'} & sys.modules.keys()\n"
-        f"pictures.relief_picture({str(tmp_path / 'a.png')!r}, [[2.0, 2.1], [2.2, 2.1]], camera.Camera(9.0))\n"
+        f"plots.relief_picture({str(tmp_path / 'a.png')!r}, [[2.0, 2.1], [2.2, 2.1]], camera.Camera(9.0))\n"
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env={"MPLBACKEND": "tkagg"})
@@ -322,7 +322,7 @@ def test_large_maps_are_drawn_from_means_of_blocks_at_their_places(tmp_path: Pat
     depth[:, 1::2] = 3.0
     depth[0] = np.nan
     depth[2, :2] = np.nan
-    pictures.depth_picture(tmp_path / "depth.png", depth)
+    plots.depth_picture(tmp_path / "depth.png", depth)
     axes = drawn[0].axes[0]
     shown = np.ma.filled(axes.images[0].get_array(), np.nan)
     assert shown.shape == (3, 1251)
@@ -340,7 +340,7 @@ def test_the_smallest_doubt_is_seen_in_a_large_map(tmp_path: Path, drawn: Drawn)
     errors[:, 2000:] = np.nan
     first, second = np.zeros((2, *errors.shape), dtype=bool)
     second[0, 40:44] = first[1, 43] = second[1, 99] = True
-    pictures.confidence_picture(tmp_path / "confidence.png", errors, {"first": first, "second": second})
+    plots.confidence_picture(tmp_path / "confidence.png", errors, {"first": first, "second": second})
     classes = np.ma.filled(drawn[0].axes[1].images[0].get_array(), -1)
     expected = np.repeat([[0, -1]], 500, axis=1).repeat(2, axis=0)
     expected[0, 10], expected[1, 10], expected[1, 24] = 2, 1, 2
@@ -350,26 +350,26 @@ def test_the_smallest_doubt_is_seen_in_a_large_map(tmp_path: Path, drawn: Drawn)
 
 def test_relief_takes_normals_and_white_that_are_at_hand(tmp_path: Path) -> None:
     depth, photo = a_holed_bump(), np.tile(np.linspace(0.0, 1.0, 37), (24, 1))
-    pictures.relief_picture(tmp_path / "one.png", depth, CAMERA, photo)
-    pictures.relief_picture(tmp_path / "two.png", depth, CAMERA, 8.0 * photo, white=8.0, normals=normals(depth, CAMERA))
+    plots.relief_picture(tmp_path / "one.png", depth, CAMERA, photo)
+    plots.relief_picture(tmp_path / "two.png", depth, CAMERA, 8.0 * photo, white=8.0, normals=normals(depth, CAMERA))
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     with pytest.raises(InputError, match=r"normals has shape \(3, 4, 3\)"):
-        pictures.relief_picture(tmp_path / "three.png", depth, CAMERA, normals=np.ones((3, 4, 3)))
+        plots.relief_picture(tmp_path / "three.png", depth, CAMERA, normals=np.ones((3, 4, 3)))
 
 
 def test_settings_of_the_user_play_no_part(tmp_path: Path) -> None:
     depth = np.linspace(1.0, 2.0, 30).reshape(5, 6)
-    pictures.depth_picture(tmp_path / "plain.png", depth)
+    plots.depth_picture(tmp_path / "plain.png", depth)
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nno line\naxes.grid: maybe\nfont.size: 30\n")
     program = (
-        "import numpy, persfs_cl.surface.plots as pictures\n"
+        "import numpy, persfs_cl.surface.plots\n"
         "depth = numpy.linspace(1.0, 2.0, 30).reshape(5, 6)\n"
-        "pictures.confidence_picture('confidence.png', depth, {})\n"
-        "pictures.depth_picture('own.png', depth)\n"
+        "plots.confidence_picture('confidence.png', depth, {})\n"
+        "plots.depth_picture('own.png', depth)\n"
     )
     environment = os.environ | {
         "MPLBACKEND": "nonsense",
-        "PYTHONPATH": os.pathsep.join([str(Path(pictures.__file__).parents[2]), os.environ.get("PYTHONPATH", "")]),
+        "PYTHONPATH": os.pathsep.join([str(Path(plots.__file__).parents[2]), os.environ.get("PYTHONPATH", "")]),
     }
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
@@ -380,9 +380,9 @@ def test_settings_of_the_user_play_no_part(tmp_path: Path) -> None:
 
 def test_settings_of_the_process_stay_as_they_were(tmp_path: Path) -> None:
     depth = np.linspace(1.0, 2.0, 30).reshape(5, 6)
-    pictures.depth_picture(tmp_path / "plain.png", depth)
+    plots.depth_picture(tmp_path / "plain.png", depth)
     with mpl.rc_context({"font.size": 30.0, "text.usetex": True, "figure.facecolor": "red"}):
         before = {name: value for name, value in mpl.rcParams.items() if name != "backend"}
-        pictures.depth_picture(tmp_path / "own.png", depth)
+        plots.depth_picture(tmp_path / "own.png", depth)
         assert {name: mpl.rcParams[name] for name in before} == before
     assert (tmp_path / "own.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
