@@ -362,7 +362,7 @@ def test_settings_of_the_user_play_no_part(tmp_path: Path) -> None:
     plots.depth_picture(tmp_path / "plain.png", depth)
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nno line\naxes.grid: maybe\nfont.size: 30\n")
     program = (
-        "import numpy, persfs_cl.surface.plots\n"
+        "import numpy\nfrom persfs_cl.surface import plots\n"
         "depth = numpy.linspace(1.0, 2.0, 30).reshape(5, 6)\n"
         "plots.confidence_picture('confidence.png', depth, {})\n"
         "plots.depth_picture('own.png', depth)\n"
