@@ -14,9 +14,6 @@
  */
 #define PULL 2
 
-#define LIGHT_GAIN (FIRST_MODEL_PARAMETER + 0)        /* kappa, for rendering    */
-#define MATERIAL_STEEPEST (FIRST_MODEL_PARAMETER + 1) /* bound of |d ln c / dt|  */
-#define MATERIAL_FIRST (FIRST_MODEL_PARAMETER + 2)    /* numbers of the material */
 
 /* R^2 t^2 from the gradient. The term of P - P_c along the ray is small where x and y are: nothing cancels. */
 static inline number square_tangent(const number p, const number q, const number x, const number y)
@@ -30,22 +27,22 @@ static inline number square_tangent(const number p, const number q, const number
 /* |dH/dp| <= sigma_x = max |d ln c / dt| R sqrt(1 + x^2): this is sigma_x / (2 dx), and with the axes in the other order
  * sigma_y / (2 dy).
  */
-static inline number viscosity(const number brightness, const axis along, const axis across, const real *parameters)
+static inline number viscosity(const number brightness, const axis along, const axis across, const parameter_set *parameters)
 {
     const number ray = multiply_add(along.coordinate, along.coordinate,
                                     multiply_add(across.coordinate, across.coordinate, (number)1));
-    return parameters[MATERIAL_STEEPEST] * root(ray) * along.root;
+    return parameters->steepest_log * root(ray) * along.root;
 }
 
 static inline number regular_part(const number brightness, const number p, const number q, const number x,
-                                  const number y, const real *parameters)
+                                  const number y, const parameter_set *parameters)
 {
     return -logarithm(brightness);
 }
 
-static inline number norm_part(const number p, const number q, const number x, const number y, const real *parameters)
+static inline number norm_part(const number p, const number q, const number x, const number y, const parameter_set *parameters)
 {
-    return dimming(square_tangent(p, q, x, y), parameters + MATERIAL_FIRST);
+    return dimming(square_tangent(p, q, x, y), parameters);
 }
 
 static inline number factor_of_norm(const number brightness)
@@ -55,14 +52,14 @@ static inline number factor_of_norm(const number brightness)
 
 /* The slope along one axis at which the surface is least steep for the light, for a fixed slope along the other. */
 static inline number least_gradient(const number brightness, const number gradient_across, const number along,
-                                    const number across, const int along_y, const real *parameters)
+                                    const number across, const int along_y, const parameter_set *parameters)
 {
     return -along * multiply_add(across, gradient_across, (number)1) / multiply_add(along, along, (number)1);
 }
 
 /* P_c along one axis: the middle of the gradients of any steepness. */
 static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
-                                     const int along_y, const real *parameters)
+                                     const int along_y, const parameter_set *parameters)
 {
     const number inverse_ray = (number)1 / multiply_add(x, x, multiply_add(y, y, (number)1));
     return -(along_y ? y : x) * inverse_ray;
@@ -70,7 +67,7 @@ static inline number middle_gradient(const number brightness, const number here,
 
 /* The normal of the ellipse through P, A (P - P_c). */
 static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
-                                    const number x, const number y, const real *parameters)
+                                    const number x, const number y, const parameter_set *parameters)
 {
     const number radial = multiply_add(x, p, multiply_add(y, q, (number)1));
     const slopes normal = {multiply_add(x, radial, p), multiply_add(y, radial, q)};
@@ -79,8 +76,8 @@ static inline slopes outward_normal(const number brightness, const number here, 
 
 /* The forward model. */
 static inline number rendered(const number log_depth, const number p, const number q, const number x, const number y,
-                              const real *parameters)
+                              const parameter_set *parameters)
 {
     const number ray = multiply_add(x, x, multiply_add(y, y, (number)1));
-    return parameters[LIGHT_GAIN] * exponential(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
+    return parameters->gain * exponential(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
 }

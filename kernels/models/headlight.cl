@@ -12,8 +12,6 @@
  *
  * The surface leaves the known values in distance from the camera. H does not depend on the sign of P: W = -Z has the same.
  */
-#define LIGHT_GAIN (FIRST_MODEL_PARAMETER + 0)     /* kappa, for rendering    */
-#define MATERIAL_FIRST (FIRST_MODEL_PARAMETER + 1) /* numbers of the material */
 
 static inline number square_ray(const number x, const number y)
 {
@@ -28,7 +26,7 @@ typedef struct {
     number x, y;
 } sight;
 
-static inline sight sight_at(const number x, const number y, const real *parameters)
+static inline sight sight_at(const number x, const number y, const parameter_set *parameters)
 {
     const sight result = {x, y};
     return result;
@@ -51,14 +49,14 @@ static inline number steepest_climb(const number dark, const int along_y, const 
 
 /* Its centre. */
 static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
-                                     const int along_y, const real *parameters)
+                                     const int along_y, const parameter_set *parameters)
 {
     return (number)0;
 }
 
 /* Its normal through P, A P. */
 static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
-                                    const number x, const number y, const real *parameters)
+                                    const number x, const number y, const parameter_set *parameters)
 {
     const number radial = multiply_add(x, p, y * q);
     const slopes normal = {multiply_add(x, radial, p), multiply_add(y, radial, q)};
@@ -74,19 +72,19 @@ static inline number lit_side(const number p, const number q, const sight at)
 /* The parts of H for the Lax-Friedrichs scheme: |dH/dp| <= sigma_x = E R sqrt(1 + x^2). */
 #define PULL 0
 
-static inline number viscosity(const number brightness, const axis along, const axis across, const real *parameters)
+static inline number viscosity(const number brightness, const axis along, const axis across, const parameter_set *parameters)
 {
     return brightness * root(square_ray(along.coordinate, across.coordinate)) * along.root;
 }
 
 static inline number regular_part(const number brightness, const number p, const number q, const number x,
-                                  const number y, const real *parameters)
+                                  const number y, const parameter_set *parameters)
 {
     return (number)1;
 }
 
 /* N */
-static inline number norm_part(const number p, const number q, const number x, const number y, const real *parameters)
+static inline number norm_part(const number p, const number q, const number x, const number y, const parameter_set *parameters)
 {
     const number radial = multiply_add(x, p, y * q);
     const number square = multiply_add(radial, radial, multiply_add(p, p, q * q));
@@ -100,16 +98,16 @@ static inline number factor_of_norm(const number brightness)
 
 /* The slope along one axis at which N is smallest, for a fixed slope along the other. */
 static inline number least_gradient(const number brightness, const number gradient_across, const number along,
-                                    const number across, const int along_y, const real *parameters)
+                                    const number across, const int along_y, const parameter_set *parameters)
 {
     return -along * across * gradient_across / multiply_add(along, along, (number)1);
 }
 
 /* The forward model, from the gradient of ln z: that of ln R is (x, y) / R^2. */
 static inline number rendered(const number log_depth, const number p, const number q, const number x, const number y,
-                              const real *parameters)
+                              const parameter_set *parameters)
 {
     const number ray = square_ray(x, y);
     const number secant = norm_part(p + x / ray, q + y / ray, x, y, parameters);
-    return parameters[LIGHT_GAIN] * exponential(-dimming(multiply_add(secant, secant, (number)-1), parameters + MATERIAL_FIRST));
+    return parameters->gain * exponential(-dimming(multiply_add(secant, secant, (number)-1), parameters));
 }

@@ -8,7 +8,6 @@
  *
  * In `brightness` stands F = I / kappa.
  */
-#define MATERIAL_FIRST (FIRST_MODEL_PARAMETER + 3) /* numbers of the material; before them O */
 #define LEAST_DEPTH 1e-3f
 #define LEAST_AHEAD 0.01f /* share of the depth that a lamp is taken to be nearer than the surface, along the axis */
 
@@ -20,10 +19,10 @@ typedef struct {
     number square; /* O O */
 } lamp;
 
-static inline lamp lamp_at(const number x, const number y, const real *parameters)
+static inline lamp lamp_at(const number x, const number y, const parameter_set *parameters)
 {
-    const number right = parameters[FIRST_MODEL_PARAMETER], below = parameters[FIRST_MODEL_PARAMETER + 1];
-    const number ahead = parameters[FIRST_MODEL_PARAMETER + 2];
+    const number right = parameters->lamp_x, below = parameters->lamp_y;
+    const number ahead = parameters->lamp_z;
     const lamp result = {right, below, ahead, multiply_add(x, x, multiply_add(y, y, (number)1)),
                          multiply_add(x, right, multiply_add(y, below, ahead)),
                          multiply_add(right, right, multiply_add(below, below, ahead * ahead))};
@@ -57,17 +56,17 @@ static inline number dimmed_at(const lamp at, const number z, const number brigh
 }
 
 /* t^2 at a depth, up to that of the steepest slope. */
-static inline number square_at(const lamp at, const number z, const number brightness, const real *parameters)
+static inline number square_at(const lamp at, const number z, const number brightness, const parameter_set *parameters)
 {
     const number dimmed = most((number)0, dimmed_at(at, z, brightness));
-    const number steepest = (number)(2 * parameters[STEEPEST]) * at.ray;
-    return square_of(dimmed, steepest * steepest, parameters + MATERIAL_FIRST);
+    const number steepest = (number)(2 * parameters->steepest) * at.ray;
+    return square_of(dimmed, steepest * steepest, parameters);
 }
 
 /* The depth at which c is that of t^2: the farther of two that are at the right distance from the lamp. */
-static inline number depth_at(const lamp at, const number square, const number inverse_brightness, const real *material)
+static inline number depth_at(const lamp at, const number square, const number inverse_brightness, const parameter_set *parameters)
 {
-    const number square_distance = exponential(-dimming(square, material)) * inverse_brightness;
+    const number square_distance = exponential(-dimming(square, parameters)) * inverse_brightness;
     const number excess = multiply_add(at.along, at.along, at.ray * (square_distance - at.square));
     /* Written so that the NaN of a cell that is not swept stays one. */
     return most((number)LEAST_DEPTH, (at.along + root(most((number)0, excess))) / at.ray);
@@ -87,7 +86,7 @@ typedef struct {
 } present;
 
 static inline present present_set(const number brightness, const number here, const number x, const number y,
-                                  const real *parameters)
+                                  const parameter_set *parameters)
 {
     const lamp at = lamp_at(x, y, parameters);
     const number z = exponential(here);
@@ -99,14 +98,14 @@ static inline present present_set(const number brightness, const number here, co
 }
 
 static inline number middle_gradient(const number brightness, const number here, const number x, const number y,
-                                     const int along_y, const real *parameters)
+                                     const int along_y, const parameter_set *parameters)
 {
     const present set = present_set(brightness, here, x, y, parameters);
     return (along_y ? set.level.q : set.level.p) + middle_of_set(set.dark, along_y, set.at);
 }
 
 static inline slopes outward_normal(const number brightness, const number here, const number p, const number q,
-                                    const number x, const number y, const real *parameters)
+                                    const number x, const number y, const parameter_set *parameters)
 {
     const present set = present_set(brightness, here, x, y, parameters);
     return normal_of_set(set.dark, p - set.level.p, q - set.level.q, set.at);

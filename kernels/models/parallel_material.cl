@@ -15,11 +15,6 @@
  */
 #define PULL 0
 
-#define LIGHT_P0 (FIRST_MODEL_PARAMETER + 0)
-#define LIGHT_Q0 (FIRST_MODEL_PARAMETER + 1)
-#define LIGHT_INVERSE_NORM (FIRST_MODEL_PARAMETER + 2) /* 1 / k, k = sqrt(1 + p0^2 + q0^2) */
-#define STEEPNESS (FIRST_MODEL_PARAMETER + 3)
-#define MATERIAL_FIRST (FIRST_MODEL_PARAMETER + 4)     /* numbers of the material */
 
 static inline number ray_length(const number x, const number y)
 {
@@ -27,27 +22,27 @@ static inline number ray_length(const number x, const number y)
 }
 
 /* sigma_x / (2 dx), and with the axes in the other order that of y. */
-static inline number viscosity(const number brightness, const axis along, const axis across, const real *parameters)
+static inline number viscosity(const number brightness, const axis along, const axis across, const parameter_set *parameters)
 {
-    return parameters[STEEPNESS] * ray_length(along.coordinate, across.coordinate) * along.root;
+    return parameters->steepness * ray_length(along.coordinate, across.coordinate) * along.root;
 }
 
 /* R(P) */
 static inline number regular_part(const number brightness, const number p, const number q, const number x,
-                                  const number y, const real *parameters)
+                                  const number y, const parameter_set *parameters)
 {
-    const number light_x = (number)parameters[LIGHT_P0], light_y = (number)parameters[LIGHT_Q0];
+    const number light_x = (number)parameters->p0, light_y = (number)parameters->q0;
     const number w = multiply_add(x, p, multiply_add(y, q, (number)1));
     const number inverse_norm = (number)1 / root(multiply_add(w, w, multiply_add(p, p, q * q)));
     const number inverse_ray = (number)1 / ray_length(x, y);
     const number n = multiply_add(x - light_x, p, multiply_add(y - light_y, q, (number)1));
-    const number lit = n * inverse_norm * parameters[LIGHT_INVERSE_NORM];
+    const number lit = n * inverse_norm * parameters->inverse_norm;
     const number between = multiply_add(x, light_x, multiply_add(y, light_y, (number)1)) * inverse_ray;
-    return returned_light(lit, inverse_ray * inverse_norm, between * parameters[LIGHT_INVERSE_NORM],
-                          parameters + MATERIAL_FIRST);
+    return returned_light(lit, inverse_ray * inverse_norm, between * parameters->inverse_norm,
+                          parameters);
 }
 
-static inline number norm_part(const number p, const number q, const number x, const number y, const real *parameters)
+static inline number norm_part(const number p, const number q, const number x, const number y, const parameter_set *parameters)
 {
     return (number)1;
 }
@@ -64,24 +59,24 @@ static inline number factor_of_norm(const number brightness)
  * projected on it. Where that leads beyond grazing it is the steepest slope.
  */
 static inline number least_gradient(const number brightness, const number gradient_across, const number along,
-                                    const number across, const int along_y, const real *parameters)
+                                    const number across, const int along_y, const parameter_set *parameters)
 {
-    const real light_along = parameters[along_y ? LIGHT_Q0 : LIGHT_P0];
-    const real light_across = parameters[along_y ? LIGHT_P0 : LIGHT_Q0];
-    const number steepest = (number)parameters[STEEPEST];
-    const number q = parameters[SURFACE_SIGN] * gradient_across;
+    const real light_along = along_y ? parameters->q0 : parameters->p0;
+    const real light_across = along_y ? parameters->p0 : parameters->q0;
+    const number steepest = (number)parameters->steepest;
+    const number q = parameters->sign * gradient_across;
     const number v = multiply_add(across, q, (number)1);
     const number square = multiply_add(q, q, v * v), mixed = along * v, other = multiply_add(along, along, (number)1);
     const number toward = multiply_subtract_from(v, q, (number)light_across), tilt = along - light_along;
     const number rise = multiply_subtract_from(square * tilt, mixed, toward);
     const number base = multiply_subtract_from(other * toward, mixed, tilt);
     const number slope = base > (number)0 ? rise / base : (tilt < (number)0 ? -steepest : steepest);
-    return parameters[SURFACE_SIGN] * most(least(slope, steepest), -steepest);
+    return parameters->sign * most(least(slope, steepest), -steepest);
 }
 
 /* The forward model. */
 static inline number rendered(const number log_depth, const number p, const number q, const number x, const number y,
-                              const real *parameters)
+                              const parameter_set *parameters)
 {
     return regular_part((number)0, p, q, x, y, parameters);
 }

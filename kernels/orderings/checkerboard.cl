@@ -6,7 +6,7 @@
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
                     __global const uchar *flags,       /* same shape                                          */
-                    __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+                    __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride), columns apart            */
                     __global const real *row_table,    /* shape (images, 3, rows)                             */
                     __global const float *changes,     /* see prelude                                         */
@@ -20,10 +20,9 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const int image = (int)get_global_id(2);
     if (finished(changes, iteration, image, images, tolerance))
         return;
-    real numbers[PARAMETERS];
-    copy_parameters(numbers, parameters, image);
+    const parameter_set numbers = parameters[image];
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
-    update_colour(log_depth + begin, brightness + begin, flags + begin, numbers, column_table + image * 3 * stride,
+    update_colour(log_depth + begin, brightness + begin, flags + begin, &numbers, column_table + image * 3 * stride,
                   row_table + image * 3 * rows, rows, stride, 1 + (int)get_global_id(1), colour,
                   (int)get_global_id(0), (int)get_global_size(0));
 }

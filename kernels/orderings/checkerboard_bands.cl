@@ -41,7 +41,7 @@ typedef struct {
     __global real *log_depth;
     __global const real *brightness;
     __global const uchar *flags;
-    const real *parameters;
+    const parameter_set *parameters;
     __global const real *column_table, *row_table;
     __global real *previous;
     __global float *change; /* of the iteration */
@@ -99,7 +99,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
       __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
       __global const uchar *flags,       /* same shape                                          */
-      __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+      __global const parameter_set *parameters, /* shape (images,)                                     */
       __global const real *column_table, /* shape (images, 3, stride), columns apart            */
       __global const real *row_table,    /* shape (images, 3, rows)                             */
       __global float *changes,           /* see prelude                                         */
@@ -127,8 +127,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
             const int image = (first_image + k) % images;
             const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
             __global volatile int *through = sync + image, *states = sync + images + image * bands;
-            real numbers[PARAMETERS];
-            copy_parameters(numbers, parameters, image);
+            const parameter_set numbers = parameters[image];
             for (int iteration = first_iteration; iteration < first_iteration + iterations; ++iteration) {
                 const int done = iteration - first_iteration;
                 if (measured && atomic_add(through, 0) < (iterations_before + done) * bands)
@@ -139,7 +138,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                 const picture all = {log_depth + begin,
                                      brightness + begin,
                                      flags + begin,
-                                     numbers,
+                                     &numbers,
                                      column_table + image * 3 * stride,
                                      row_table + image * 3 * rows,
                                      previous + begin,

@@ -8,7 +8,7 @@
 /* No neighbour comes before the others here: a scheme that has directions looks in all four. */
 static inline number value_from_all_sides(const number brightness, const number here, const number left,
                                           const number right, const number up, const number down, const real to_p, const real to_q,
-                                          const axis x, const axis y, const real *parameters)
+                                          const axis x, const axis y, const parameter_set *parameters)
 {
 #if DIRECTED
     return least(least(inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters),
@@ -24,7 +24,7 @@ static inline number value_from_all_sides(const number brightness, const number 
 static inline void update_colour(__global real *log_depth,          /* of one image, shape (rows, stride), columns apart */
                                  __global const real *brightness,   /* E, marked as in cell.cl, same shape               */
                                  __global const uchar *flags,       /* same shape                                        */
-                                 const real *parameters,            /* shape (PARAMETERS,)                               */
+                                 const parameter_set *parameters, /* of the image                                      */
                                  __global const real *column_table, /* shape (3, stride), columns apart                  */
                                  __global const real *row_table,    /* shape (3, rows)                                   */
                                  const int rows, const int stride,
@@ -40,8 +40,8 @@ static inline void update_colour(__global real *log_depth,          /* of one im
     __global const real *shadings = brightness + begin;
     __global const real *columns = column_table + odd * half_stride;
     const axis y = {(number)row_table[row], (number)row_table[rows + row], (number)row_table[2 * rows + row]};
-    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
-    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
+    const real to_p = parameters->sign * parameters->half_inverse_dx;
+    const real to_q = parameters->sign * parameters->half_inverse_dy;
 
     for (int at = LANES * first; at < half_stride - GAP; at += LANES * step) {
         __global real *cell = cells + at;

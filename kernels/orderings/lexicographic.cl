@@ -5,7 +5,7 @@
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
                     __global const uchar *flags,       /* same shape                                          */
-                    __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+                    __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride)                           */
                     __global const real *row_table,    /* shape (images, 3, rows)                             */
                     __global const float *changes,     /* see prelude                                         */
@@ -24,8 +24,7 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const int image = (int)get_global_id(0);
     if (finished(changes, iteration, image, images, tolerance))
         return;
-    real numbers[PARAMETERS];
-    copy_parameters(numbers, parameters, image);
+    const parameter_set numbers = parameters[image];
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     for (int i = 0; i < height; ++i)
         for (int j = 0; j < width; ++j) {
@@ -34,6 +33,6 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
             update_cell(log_depth, brightness, flags, cell, stride, leftwards, upwards,
                         axis_at(column_table + image * 3 * stride, stride, column),
-                        axis_at(row_table + image * 3 * rows, rows, row), numbers);
+                        axis_at(row_table + image * 3 * rows, rows, row), &numbers);
         }
 }

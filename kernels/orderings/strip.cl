@@ -123,7 +123,7 @@ typedef struct {
 static inline __attribute__((always_inline)) void
 run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LANES], const int k, const border *above,
          const border *below, __global const real *table, __global const uchar *flags, const course *way,
-         const real *parameters, const int with_rim)
+         const parameter_set *parameters, const int with_rim)
 {
     /* From the last vector upwards, so that each finds the old results of the vector above it, and of the one below it the
      * values to the right.
@@ -212,7 +212,7 @@ static inline int patience_for(const int width)
  */
 static inline __attribute__((always_inline)) int
 run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
-          const real *parameters, __global const real *column_table, __global const real *row_table,
+          const parameter_set *parameters, __global const real *column_table, __global const real *row_table,
           __global volatile int *progress, const int rows, const int stride, const int first_row,
           const int first_column, const int height, const int width, const int leftwards, const int upwards,
           const int strip, const int first_block, const int done_before, const int alone)
@@ -226,8 +226,8 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     /* Where the first of a block's steps lies in memory, seen from the cell of the step that comes first in time. */
     const long low = leftwards ? -(LANES - 1) : 0;
     /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
-    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX];
-    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY];
+    const real to_p = parameters->sign * parameters->half_inverse_dx;
+    const real to_q = parameters->sign * parameters->half_inverse_dy;
     const course way = {column_step, skew, leftwards, upwards, stride, leftwards ? -to_p : to_p, upwards ? -to_q : to_q};
 
     long cell = row * stride + column; /* of lane 0 */

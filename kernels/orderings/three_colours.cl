@@ -6,7 +6,7 @@
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
                     __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
                     __global const uchar *flags,       /* same shape                                          */
-                    __global const real *parameters,   /* shape (images, PARAMETERS)                          */
+                    __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride)                           */
                     __global const real *row_table,    /* shape (images, 3, rows)                             */
                     __global const float *changes,     /* see prelude                                         */
@@ -25,11 +25,10 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     if (row >= height || column >= width || (row + column) % 3 != colour ||
         finished(changes, iteration, image, images, tolerance))
         return;
-    real numbers[PARAMETERS];
-    copy_parameters(numbers, parameters, image);
+    const parameter_set numbers = parameters[image];
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     const size_t cell = begin + (size_t)(first_row + row) * (size_t)stride + (size_t)(first_column + column);
     update_cell(log_depth, brightness, flags, cell, stride, 0, 0,
                 axis_at(column_table + image * 3 * stride, stride, first_column + column),
-                axis_at(row_table + image * 3 * rows, rows, first_row + row), numbers);
+                axis_at(row_table + image * 3 * rows, rows, first_row + row), &numbers);
 }

@@ -5,7 +5,7 @@
  * Work-group size 1; any number of groups, which draw images by an atomic ticket. In place.
  */
 static inline void run_sweep(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
-                             const real *parameters, __global const real *column_table,
+                             const parameter_set *parameters, __global const real *column_table,
                              __global const real *row_table, const int rows, const int stride, const int first_row,
                              const int first_column, const int height, const int width, const int leftwards,
                              const int upwards)
@@ -24,7 +24,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 iterate(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl              */
         __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
         __global const uchar *flags,       /* same shape                                                       */
-        __global const real *parameters,   /* shape (images, PARAMETERS)                                       */
+        __global const parameter_set *parameters, /* shape (images,)                                                  */
         __global const real *column_table, /* as in strip.cl, shape (images, 6, stride)                        */
         __global const real *row_table,    /* shape (images, 3, rows)                                          */
         __global float *changes,           /* see prelude; the rows of these iterations are written            */
@@ -56,18 +56,17 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
             return;
         const size_t begin = (size_t)image * size;
         __global real *z = log_depth + begin, *before = previous + begin;
-        real numbers[PARAMETERS];
-        copy_parameters(numbers, parameters, image);
+        const parameter_set numbers = parameters[image];
         for (int k = first_iteration; k < first_iteration + iterations; ++k) {
             if (finished(changes, k, image, images, tolerance))
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {
-                run_sweep(z, brightness + begin, flags + begin, numbers, column_table + image * 6 * stride,
+                run_sweep(z, brightness + begin, flags + begin, &numbers, column_table + image * 6 * stride,
                           row_table + image * 3 * rows, rows, stride, first_row, first_column, height, width,
                           sweep & 1, sweep >> 1);
                 for (int pass = 0; pass < 2; ++pass) {
                     const int2 part = part_of(counts, image, pass);
-                    compute_renewed(z, numbers, inwards, beside, renewed, part.x, part.y, 0, 1, linear, (real)lowest);
+                    compute_renewed(z, &numbers, inwards, beside, renewed, part.x, part.y, 0, 1, linear, (real)lowest);
                     apply_renewed(z, cells, renewed, part.x, part.y, 0, 1);
                 }
             }

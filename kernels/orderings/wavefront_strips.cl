@@ -94,7 +94,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl             */
       __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
       __global const uchar *flags,       /* same shape                                                       */
-      __global const real *parameters,   /* shape (images, PARAMETERS)                                       */
+      __global const parameter_set *parameters, /* shape (images,)                                                  */
       __global const real *column_table, /* as elsewhere, and once more reversed, shape (images, 6, stride)  */
       __global const real *row_table,    /* shape (images, 3, rows)                                          */
       __global const float *changes,     /* see prelude                                                      */
@@ -133,15 +133,14 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 const int first_block = atomic_add(done, 0) - done_before;
                 __global real *z = log_depth + begin;
                 __global const real *e = brightness + begin;
-                real numbers[PARAMETERS];
-                copy_parameters(numbers, parameters, image);
+                const parameter_set numbers = parameters[image];
                 __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
                 /* The flag as a constant, for two loops with straight addressing. */
                 if (direction & 1)
-                    whole = run_strip(z, e, flags + begin, numbers, x, y, done, rows, stride, first_row, first_column,
+                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, rows, stride, first_row, first_column,
                                       height, width, 1, upwards, strip, first_block, done_before, 0);
                 else
-                    whole = run_strip(z, e, flags + begin, numbers, x, y, done, rows, stride, first_row, first_column,
+                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, rows, stride, first_row, first_column,
                                       height, width, 0, upwards, strip, first_block, done_before, 0);
             }
             if (whole)

@@ -3,7 +3,7 @@
  */
 static inline number value_of(const number brightness, const number here, const number *left, const number *right,
                               const number *up, const number *down, const real to_p, const real to_q, const axis x,
-                              const axis y, const real *parameters)
+                              const axis y, const parameter_set *parameters)
 {
     return inner_value(brightness, here, left[0], right[0], up[0], down[0], to_p, to_q, x, y, parameters);
 }

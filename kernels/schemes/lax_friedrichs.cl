@@ -21,7 +21,7 @@ static inline number candidate(const number brightness,
                                const number q,     /* dZ/dy                             */
                                const number sum_x, /* Z_r + Z_l, or of W                */
                                const number sum_y, /* Z_d + Z_u                         */
-                               const axis x, const axis y, const real *parameters)
+                               const axis x, const axis y, const parameter_set *parameters)
 {
     const number weight_x = viscosity(brightness, x, y, parameters);
     const number weight_y = viscosity(brightness, y, x, parameters);
@@ -41,11 +41,11 @@ static inline number candidate(const number brightness,
  */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
                                  const number up, const number down, const real to_p, const real to_q, const axis x, const axis y,
-                                 const real *parameters)
+                                 const parameter_set *parameters)
 {
     const number value = candidate(brightness, (right - left) * to_p, (down - up) * to_q, right + left, down + up,
                                    x, y, parameters);
-    const number highest = least(least(left, right) + parameters[STEP_X], least(up, down) + parameters[STEP_Y]);
+    const number highest = least(least(left, right) + parameters->step_x, least(up, down) + parameters->step_y);
     return highest < value ? highest : value;
 }
 
@@ -68,28 +68,28 @@ static inline number constrained(const number here, const number before, const n
 /* As inner_value, where `flags` may say that neighbours are missing; their values are of no consequence. */
 static inline number rim_value(const number brightness, const integer flags, const number here, const number left,
                                const number right, const number up, const number down, const axis x, const axis y,
-                               const real *parameters)
+                               const parameter_set *parameters)
 {
     /* All bits set or none, as a condition on vectors wants them. */
     const integer no_left = -((flags / NO_LEFT) & 1), no_right = -((flags / NO_RIGHT) & 1);
     const integer no_up = -((flags / NO_UP) & 1), no_down = -((flags / NO_DOWN) & 1);
-    const number central = (right - left) * parameters[HALF_INVERSE_DX];
+    const number central = (right - left) * parameters->half_inverse_dx;
     number gradient_x = (no_left | no_right) != 0 ? (number)0 : central;
     number gradient_y = (number)0;
     /* In a corner the two slopes depend on each other: a few turns of coordinate descent on a convex function. */
     for (int turn = 0; turn < 3; ++turn) {
-        gradient_y = constrained(here, up, down, no_up, no_down, parameters[HALF_INVERSE_DY],
+        gradient_y = constrained(here, up, down, no_up, no_down, parameters->half_inverse_dy,
                                  least_gradient(brightness, gradient_x, y.coordinate, x.coordinate, 1, parameters));
-        gradient_x = constrained(here, left, right, no_left, no_right, parameters[HALF_INVERSE_DX],
+        gradient_x = constrained(here, left, right, no_left, no_right, parameters->half_inverse_dx,
                                  least_gradient(brightness, gradient_y, x.coordinate, y.coordinate, 0, parameters));
     }
     const number sum_x = (no_left | no_right) != 0 ? here + here : right + left;
     const number sum_y = (no_up | no_down) != 0 ? here + here : down + up;
-    const real sign = parameters[SURFACE_SIGN];
+    const real sign = parameters->sign;
     const number value = candidate(brightness, sign * gradient_x, sign * gradient_y, sum_x, sum_y, x, y, parameters);
     const number none = (number)INFINITY;
     const number lowest_x = least(no_left != 0 ? none : left, no_right != 0 ? none : right);
     const number lowest_y = least(no_up != 0 ? none : up, no_down != 0 ? none : down);
-    const number highest = least(lowest_x + parameters[STEP_X], lowest_y + parameters[STEP_Y]);
+    const number highest = least(lowest_x + parameters->step_x, lowest_y + parameters->step_y);
     return highest < value ? highest : value;
 }

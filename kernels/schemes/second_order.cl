@@ -30,7 +30,7 @@ static inline neighbour corrected(const number here, const number near, const nu
 /* Of each side the neighbour and the next one, by names as in first_order.cl. */
 static inline number value_of(const number brightness, const number here, const number *left, const number *right,
                               const number *up, const number *down, const real to_p, const real to_q, const axis x,
-                              const axis y, const real *parameters)
+                              const axis y, const parameter_set *parameters)
 {
     const real dx = 1 / (2 * to_p), dy = 1 / (2 * to_q);
     const number rise_x = dx * middle_gradient(brightness, here, x.coordinate, y.coordinate, 0, parameters);

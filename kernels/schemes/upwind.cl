@@ -6,8 +6,8 @@
 
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
-                                 const axis y, const real *parameters)
+                                 const axis y, const parameter_set *parameters)
 {
     return least_climb(darkness(brightness), left, up, to_p, to_q, sight_at(x.coordinate, y.coordinate, parameters),
-                       (number)parameters[STEEPEST]);
+                       (number)parameters->steepest);
 }

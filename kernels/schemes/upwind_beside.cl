@@ -17,13 +17,12 @@
 /* `to_p` and `to_q` as in climb.cl. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
-                                 const axis y, const real *parameters)
+                                 const axis y, const parameter_set *parameters)
 {
-    const real *material = parameters + MATERIAL_FIRST;
     const number at_x = x.coordinate, at_y = y.coordinate, inverse_brightness = (number)1 / brightness;
     const lamp at = lamp_at(at_x, at_y, parameters);
     const sided dx = 1 / (2 * to_p), dy = 1 / (2 * to_q);
-    const number highest = least(left + parameters[STEP_X], up + parameters[STEP_Y]);
+    const number highest = least(left + parameters->step_x, up + parameters->step_y);
     const number last = root(square_at(at, nearest_depth(at), brightness, parameters));
     number t = least(last, root(square_at(at, exponential(here), brightness, parameters)));
 
@@ -32,12 +31,12 @@ static inline number inner_value(const number brightness, const number here, con
     const number rise = least(rise_x, rise_y) / at.ray;
     number low = 0, high = last, before = 0, excess_before = 0;
     /* No value lies above that of a surface which faces the lamp. */
-    number found = logarithm(depth_at(at, (number)0, inverse_brightness, material));
+    number found = logarithm(depth_at(at, (number)0, inverse_brightness, parameters));
     number least_possible = -NOWHERE, unsettled = -1;
     /* A lane that has settled stays, so that its bits do not depend on how long others take. */
     for (int step = 0; step < MOST_STEPS && any_sign(as_integer(unsettled)); ++step) {
         const number square = t * t;
-        const number depth = depth_at(at, square, inverse_brightness, material);
+        const number depth = depth_at(at, square, inverse_brightness, parameters);
         const sight seen = towards(at, (number)1 / depth, at_x, at_y);
         /* Neighbours seen from a surface that faces the lamp. */
         const number from_left = multiply_subtract_from(left, dx * seen.p0, seen.per_facing);
@@ -60,7 +59,7 @@ static inline number inner_value(const number brightness, const number here, con
 
         low = excess < (number)0 ? t : low;
         high = excess < (number)0 ? high : t;
-        const number at_camera = multiply_add(t, dimming_rate(square, material), rise);
+        const number at_camera = multiply_add(t, dimming_rate(square, parameters), rise);
         const number secant = (excess - excess_before) / (t - before);
         const number slope = step > 0 ? (secant > (number)0.1f * at_camera ? secant : at_camera) : at_camera;
         const number next = t - excess / slope;

@@ -29,7 +29,7 @@
 #define BOTH __attribute__((opencl_unroll_hint(2))) for (int k = 0; k < 2; ++k)
 
 static inline void meet(const number *base, const number *offset, const number *slope, const number here,
-                        const number square, const number shade, const real *material, number *found)
+                        const number square, const number shade, const parameter_set *parameters, number *found)
 {
     number per_slope[2], low[2], high[2], length[2], fallback[2];
     BOTH {
@@ -44,7 +44,7 @@ static inline void meet(const number *base, const number *offset, const number *
 #else
         low[k] = 0;
         high[k] = (number)(-0.5f) * (multiply_add((number)2, base[k], shade) +
-                                     dimming(-offset[k] * per_slope[k], material));
+                                     dimming(-offset[k] * per_slope[k], parameters));
         length[k] = most(low[k], least(high[k], most(guess, turning_point)));
         fallback[k] = (number)0.5f * (low[k] + high[k]);
 #endif
@@ -54,14 +54,14 @@ static inline void meet(const number *base, const number *offset, const number *
         BOTH {
             const number steepness = most((number)0, multiply_add(length[k], length[k], -offset[k]) * per_slope[k]);
             const number climbed = base[k] + length[k];
-            const number excess = multiply_add((number)2, climbed, shade) + dimming(steepness, material);
+            const number excess = multiply_add((number)2, climbed, shade) + dimming(steepness, parameters);
             /* Written so that a NaN stays one. */
             const number highest = climbed + most((number)0, (number)(-0.5f) * excess);
             found[k] = highest > found[k] ? found[k] : highest;
             if (step == MEETING_STEPS)
                 continue;
             const number rise =
-                (number)2 + (number)2 * length[k] * per_slope[k] * dimming_rate(steepness, material);
+                (number)2 + (number)2 * length[k] * per_slope[k] * dimming_rate(steepness, parameters);
             const number next = length[k] - excess / rise;
             high[k] = excess > (number)0 ? length[k] : high[k];
             low[k] = excess > (number)0 ? low[k] : length[k];
@@ -73,9 +73,8 @@ static inline void meet(const number *base, const number *offset, const number *
 /* `to_p` and `to_q` as in climb.cl. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
-                                 const axis y, const real *parameters)
+                                 const axis y, const parameter_set *parameters)
 {
-    const real *material = parameters + MATERIAL_FIRST;
     const number at_x = x.coordinate, at_y = y.coordinate;
     const number square_x = multiply_add(at_x, at_x, (number)1), square_y = multiply_add(at_y, at_y, (number)1);
     const number ray = multiply_add(at_x, at_x, square_y), inverse_ray = (number)1 / ray;
@@ -84,8 +83,8 @@ static inline number inner_value(const number brightness, const number here, con
     const number from_left = multiply_subtract_from(left, dx * at_x, inverse_ray);
     const number from_up = multiply_subtract_from(up, dy * at_y, inverse_ray);
     const number shade = logarithm(brightness);
-    const number steepest = (number)(2 * parameters[STEEPEST]) * ray;
-    const number square = square_of(most((number)0, -multiply_add((number)2, here, shade)), steepest * steepest, material);
+    const number steepest = (number)(2 * parameters->steepest) * ray;
+    const number square = square_of(most((number)0, -multiply_add((number)2, here, shade)), steepest * steepest, parameters);
     const number t = root(square);
 
     const number climb_x = magnitude(dx) * root(square_y) * inverse_ray;
@@ -102,7 +101,7 @@ static inline number inner_value(const number brightness, const number here, con
     const number bases[2] = {start, base}, offsets[2] = {(number)0, -(ray * width) * width};
     const number slopes_of_both[2] = {climb * climb, inverse_bend * inverse_ray};
     number found[2];
-    meet(bases, offsets, slopes_of_both, here, square, shade, material, found);
+    meet(bases, offsets, slopes_of_both, here, square, shade, parameters, found);
     const number climb_left = found[1] - from_left, climb_up = found[1] - from_up;
     const number normal_x = multiply_add(xx, climb_left, xy * climb_up);
     const number normal_y = multiply_add(xy, climb_left, yy * climb_up);
@@ -110,8 +109,8 @@ static inline number inner_value(const number brightness, const number here, con
     const number accepted = least(least(normal_x, normal_y), both_there);
     const number triangle = accepted > (number)0 ? found[1] : (number)NOWHERE;
 
-    const number highest = least(left + parameters[STEP_X], up + parameters[STEP_Y]);
+    const number highest = least(left + parameters->step_x, up + parameters->step_y);
     /* No value lies above that of a surface which faces the light. */
-    const number facing = (number)(-0.5f) * (shade + dimming((number)0, material));
+    const number facing = (number)(-0.5f) * (shade + dimming((number)0, parameters));
     return least(least(highest, facing), least(triangle, found[0]));
 }

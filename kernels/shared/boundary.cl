@@ -44,7 +44,7 @@ static inline int2 part_of(__global const int *counts, const int image, const in
     return (int2)(begin, begin + counts[3 * image + 1 + pass]);
 }
 
-static inline void compute_renewed(__global const real *log_depth, const real *parameters,
+static inline void compute_renewed(__global const real *log_depth, const parameter_set *parameters,
                                    __global const int4 *inwards, __global const int4 *beside, __global real *renewed,
                                    const int begin, const int end, const int item, const int items, const int linear,
                                    const real lowest)
@@ -54,8 +54,8 @@ static inline void compute_renewed(__global const real *log_depth, const real *p
         const real outwards = lower(inward(log_depth, look.x, look.y, linear, lowest),
                                     inward(log_depth, look.z, look.w, linear, lowest));
         const real highest =
-            lower(lower(value_at(log_depth, next.x), value_at(log_depth, next.y)) + parameters[STEP_X],
-                  lower(value_at(log_depth, next.z), value_at(log_depth, next.w)) + parameters[STEP_Y]);
+            lower(lower(value_at(log_depth, next.x), value_at(log_depth, next.y)) + parameters->step_x,
+                  lower(value_at(log_depth, next.z), value_at(log_depth, next.w)) + parameters->step_y);
         renewed[k] = lower(outwards, highest);
     }
 }

@@ -9,13 +9,13 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
                                __global const real *brightness, /* marked as above, same shape          */
                                __global const uchar *flags,     /* see prelude, same shape              */
                                const size_t cell, const int stride, const int leftwards, const int upwards,
-                               const axis x, const axis y, const real *parameters)
+                               const axis x, const axis y, const parameter_set *parameters)
 {
     const real shading = brightness[cell];
     if (isnan(shading))
         return;
-    const real to_p = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DX] * (leftwards ? -1 : 1);
-    const real to_q = parameters[SURFACE_SIGN] * parameters[HALF_INVERSE_DY] * (upwards ? -1 : 1);
+    const real to_p = parameters->sign * parameters->half_inverse_dx * (leftwards ? -1 : 1);
+    const real to_q = parameters->sign * parameters->half_inverse_dy * (upwards ? -1 : 1);
     const long column_step = leftwards ? -1 : 1, row_step = upwards ? -(long)stride : (long)stride;
     __global const real *at = log_depth + cell;
     const real here = *at;

@@ -187,16 +187,6 @@ static inline number bound_of(const number here)
 #define NO_UP 8
 #define NO_DOWN 16
 
-/* Numbers of one image, in `parameters`; those of the model come last. */
-#define HALF_INVERSE_DX 0 /* 1 / (2 dx)                                    */
-#define HALF_INVERSE_DY 1 /* 1 / (2 dy)                                    */
-#define STEP_X 2          /* largest climb of Z between horizontal neighbours */
-#define STEP_Y 3          /* largest climb of Z between vertical neighbours   */
-#define STEEPEST 4        /* largest slope |dZ/dx|, |dZ/dy|                */
-#define SURFACE_SIGN 5    /* +1 where Z is solved for, -1 for W = -Z       */
-#define FIRST_MODEL_PARAMETER 6
-#define PARAMETERS 16     /* length of one image's part of the buffer      */
-
 /* A gradient, or what else has a part along x and one along y. */
 typedef struct {
     number p, q;
@@ -217,13 +207,6 @@ static inline axis axis_at(__global const real *table, const int length, const i
     return result;
 }
 #endif
-
-/* A private copy of an image's numbers: the compiler need not think that a store of Z may change them. */
-static inline void copy_parameters(real *copy, __global const real *all, const int image)
-{
-    for (int k = 0; k < PARAMETERS; ++k)
-        copy[k] = all[image * PARAMETERS + k];
-}
 
 /* Whether an image of this run has met its tolerance: its cells then stay as they are. `changes` holds max |dZ| of the
  * iterations that were queued together, shape (iterations, images).

@@ -14,7 +14,7 @@ static inline real slope(const real before, const real here, const real after, c
 
 __kernel void render(__global const real *log_depth,  /* Z, shape (height, width)                     */
                      __global const uchar *flags,     /* see prelude, shape (height, width)           */
-                     __global const real *parameters, /* shape (PARAMETERS,)                          */
+                     __global const parameter_set *parameters, /* of the image                                 */
                      __global const real *columns,    /* x, shape (width,)                            */
                      __global const real *lines,      /* y, shape (height,)                           */
                      __global real *brightness,       /* result, shape (height, width)                */
@@ -30,15 +30,14 @@ __kernel void render(__global const real *log_depth,  /* Z, shape (height, width
         brightness[cell] = (real)NAN;
         return;
     }
-    real numbers[PARAMETERS];
-    copy_parameters(numbers, parameters, 0);
+    const parameter_set numbers = parameters[0];
     const real here = log_depth[cell];
     const real p = slope(log_depth[flag & NO_LEFT ? cell : cell - 1], here,
                          log_depth[flag & NO_RIGHT ? cell : cell + 1], flag & NO_LEFT, flag & NO_RIGHT,
-                         numbers[HALF_INVERSE_DX]);
+                         numbers.half_inverse_dx);
     const real q = slope(log_depth[flag & NO_UP ? cell : cell - (size_t)width], here,
                          log_depth[flag & NO_DOWN ? cell : cell + (size_t)width], flag & NO_UP, flag & NO_DOWN,
-                         numbers[HALF_INVERSE_DY]);
+                         numbers.half_inverse_dy);
     const real x = columns[column], y = lines[row];
-    brightness[cell] = rendered(here, p, q, x, y, numbers);
+    brightness[cell] = rendered(here, p, q, x, y, &numbers);
 }

@@ -3,7 +3,7 @@
  * Global size (items, images), work-group size (items, 1). In place.
  */
 __kernel void renew_boundary(__global real *log_depth,        /* shape (images, size)                     */
-                             __global const real *parameters, /* shape (images, PARAMETERS)               */
+                             __global const parameter_set *parameters, /* shape (images,)                          */
                              __global const int *counts,      /* this and the next three: see boundary.cl */
                              __global const int *cells,
                              __global const int4 *inwards,
@@ -21,12 +21,11 @@ __kernel void renew_boundary(__global real *log_depth,        /* shape (images, 
     if (finished(changes, iteration, image, images, tolerance))
         return;
     __global real *values = log_depth + (size_t)image * (size_t)size;
-    real numbers[PARAMETERS];
-    copy_parameters(numbers, parameters, image);
+    const parameter_set numbers = parameters[image];
     const int item = (int)get_local_id(0), items = (int)get_local_size(0);
     for (int pass = 0; pass < 2; ++pass) {
         const int2 part = part_of(counts, image, pass);
-        compute_renewed(values, numbers, inwards, beside, renewed, part.x, part.y, item, items, linear, (real)lowest);
+        compute_renewed(values, &numbers, inwards, beside, renewed, part.x, part.y, item, items, linear, (real)lowest);
         barrier(CLK_GLOBAL_MEM_FENCE);
         apply_renewed(values, cells, renewed, part.x, part.y, item, items);
         barrier(CLK_GLOBAL_MEM_FENCE);

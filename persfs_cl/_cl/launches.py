@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.layout import ALIGNMENT
+from persfs_cl._cl.parameters import records
 from persfs_cl._cl.program import kernel
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
@@ -23,7 +24,6 @@ from persfs_cl.solver.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOW
 DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """The four sweeps as (leftwards, upwards), in the paper's order."""
 
-_PARAMETERS = 16
 _LAUNCHED_CELLS = 2**22
 """Of the iterations of bands that make one launch: some ten milliseconds, against which a launch is nothing."""
 _APART = 32
@@ -44,8 +44,8 @@ class Grid:
         E.
     flags : ndarray of uint8, shape (height, width)
         See :mod:`persfs_cl.solver.domain`.
-    parameters : sequence of float
-        Grid and model parameters in the order of kernels/shared/prelude.cl.
+    parameters : mapping of str to float
+        Of grid, scheme, light and material; see :mod:`persfs_cl._cl.parameters`.
     x_axis, y_axis : ndarray, shapes (3, width) and (3, height)
         Coordinates and the two terms of the viscosity: see kernels/schemes/lax_friedrichs.cl.
     cells, inwards, edges
@@ -57,7 +57,7 @@ class Grid:
     log_depth: NDArray[np.float64]
     brightness: NDArray[np.float64]
     flags: NDArray[np.uint8]
-    parameters: Sequence[float]
+    parameters: Mapping[str, float]
     x_axis: NDArray[np.float64]
     y_axis: NDArray[np.float64]
     cells: NDArray[np.int32]
@@ -163,18 +163,17 @@ class Sweeper:
         with in_words(device):
             self._upload_all(grids)
             self._linear, self._lowest = int(linear), lowest
-            self._make_kernels([*model, *self.tuning.kernels], precision, grids[0].log_depth.shape[0])
+            self._make_kernels([*model, *self.tuning.kernels], precision, height, list(grids[0].parameters))
 
     def _upload_all(self, grids: Sequence[Grid]) -> None:
         layout = self._layout
         stored = layout.store([grid.log_depth.__getitem__ for grid in grids], grids[0].outside, self._real)
         self._log_depth = self._upload(stored)
         self._previous = self._buffer(stored.nbytes)
-        numbers = np.stack([_numbers(grid.parameters) for grid in grids])
         reversed_too = self.tuning.in_strips
         columns = np.stack([layout.column_table(grid.x_axis, reversed_too=reversed_too) for grid in grids])
         rows = np.stack([layout.row_table(grid.y_axis) for grid in grids])
-        self._parameters = self._upload(numbers.astype(self._real))
+        self._parameters = self._upload(records([grid.parameters for grid in grids], self._real))
         self._changes = self._buffer(4 * self.count)
         self._buffers = (
             self._log_depth,
@@ -186,7 +185,7 @@ class Sweeper:
         )
         self._list_boundary(grids)
 
-    def _make_kernels(self, names: Sequence[str], precision: str, height: int) -> None:
+    def _make_kernels(self, names: Sequence[str], precision: str, height: int, parameters: Sequence[str]) -> None:
         device, layout = self._device, self._layout
         sweeping = (device, names, precision, self.tuning.definitions)
         integer, single = np.int32, np.float32
@@ -194,7 +193,7 @@ class Sweeper:
         if self.tuning.variant == "wavefront_images":
             self._sync_buffer = self._upload(np.zeros(1, np.int32))
             scalars = [*begin, *[integer] * 7, None, integer, *[None] * 6, integer, single]
-            self._iterate = kernel(*sweeping, "iterate", scalars)
+            self._iterate = kernel(*sweeping, "iterate", scalars, parameters)
             return
         integers = {
             "lexicographic": 8,
@@ -214,7 +213,7 @@ class Sweeper:
             self._bands = -(-height // self.tuning.band_rows)
             self._sync_buffer = self._upload(np.zeros(self.count * (1 + self._bands), np.int32))
             scalars += [None, integer, integer, None]
-        self._sweep = kernel(*sweeping, "sweep", scalars)
+        self._sweep = kernel(*sweeping, "sweep", scalars, parameters)
 
         scalars = [None] * 8 + [integer, single, *[integer] * 3, single]
         self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary", scalars)
@@ -534,7 +533,7 @@ def render(
     precision: str,
     log_depth: NDArray[np.floating],
     flags: NDArray[np.uint8],
-    parameters: Sequence[float],
+    parameters: Mapping[str, float],
     x: NDArray[np.float64],
     y: NDArray[np.float64],
 ) -> NDArray[np.floating]:
@@ -543,24 +542,19 @@ def render(
     height, width = log_depth.shape
     result = np.empty((height, width), real)
     with device.lock, in_words(device):
-        rendering = kernel(device, [*model, "render"], precision, None, "render", [None] * 6 + [np.int32] * 2)
+        scalars = [None] * 6 + [np.int32] * 2
+        rendering = kernel(device, [*model, "render"], precision, None, "render", scalars, list(parameters))
         brightness = _buffer(device, result.nbytes)
         # Named, so that they live until the kernel has run.
         given = [
             _upload(device, log_depth.astype(real)),
             _upload(device, flags),
-            *(_upload(device, numbers.astype(real)) for numbers in (_numbers(parameters), x, y)),
+            _upload(device, records([parameters], real)),
+            *(_upload(device, numbers.astype(real)) for numbers in (x, y)),
         ]
         rendering(device.queue, (width, height), None, *given, brightness, width, height)
         cl.enqueue_copy(device.queue, result, brightness)
     return result
-
-
-def _numbers(parameters: Sequence[float]) -> NDArray[np.float64]:
-    """One image's part of the buffer of parameters."""
-    numbers = np.zeros(_PARAMETERS)
-    numbers[: len(parameters)] = parameters
-    return numbers
 
 
 def _group_size(launched: cl.Kernel, device: Device) -> int:

@@ -6,7 +6,7 @@ import functools
 import logging
 import re
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import pyopencl as cl
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
+from persfs_cl._cl.parameters import COMMON, declaration
 from persfs_cl.checks import changing_warnings, warn
 from persfs_cl.errors import KernelBuildError
 
@@ -59,7 +60,11 @@ def kernel_source(name: str) -> str:
 
 
 def program(
-    device: Device, names: Sequence[str], precision: str, definitions: Mapping[str, int] | None = None
+    device: Device,
+    names: Sequence[str],
+    precision: str,
+    definitions: Mapping[str, int] | None = None,
+    parameters: Iterable[str] = COMMON,
 ) -> cl.Program:
     """The program made of some kernel files, compiled at first use and kept with its device.
 
@@ -67,20 +72,22 @@ def program(
     ----------
     device : Device
     names : sequence of str
-        Kernel files in order; the prelude is put before them.
+        Kernel files in order; the prelude, and the structure of the parameters, are put before them.
     precision : {"float32", "float64"}
     definitions : mapping, optional
         Preprocessor constants: sizes of work-groups and vectors, nothing else.
+    parameters : iterable of str, optional
+        Fields of that structure, see :mod:`persfs_cl._cl.parameters`.
 
     Raises
     ------
     KernelBuildError
         With the compiler's log, which names files and lines.
     """
-    key, constants = _key(device, names, precision, definitions)
+    key, constants = _key(device, names, precision, definitions, parameters)
     with device.lock:
         if key not in device.programs:
-            device.programs[key] = _build(device, ["prelude", *names], constants)
+            device.programs[key] = _build(device, names, constants, list(parameters))
         return device.programs[key]
 
 
@@ -91,6 +98,7 @@ def kernel(
     definitions: Mapping[str, int] | None,
     name: str,
     scalars: Sequence[type | None],
+    parameters: Iterable[str] = COMMON,
 ) -> cl.Kernel:
     """A kernel of a program, made once: what pyopencl prepares for its arguments takes longer than a small image.
 
@@ -98,7 +106,7 @@ def kernel(
 
     Parameters
     ----------
-    device, names, precision, definitions
+    device, names, precision, definitions, parameters
         As for :func:`program`.
     name : str
         Of the kernel's function.
@@ -112,11 +120,12 @@ def kernel(
     DeviceError
         When the program has no such kernel, as one that a driver has left half-made.
     """
-    key = (*_key(device, names, precision, definitions)[0], name)
+    key = (*_key(device, names, precision, definitions, parameters)[0], name)
     with device.lock:
         if key not in device.kernels:
             with in_words(device):
-                device.kernels[key] = _made(program(device, names, precision, definitions), name, scalars)
+                built = program(device, names, precision, definitions, parameters)
+                device.kernels[key] = _made(built, name, scalars)
         return device.kernels[key]
 
 
@@ -142,7 +151,11 @@ def _made(built: cl.Program, name: str, scalars: Sequence[type | None]) -> cl.Ke
 
 
 def _key(
-    device: Device, names: Sequence[str], precision: str, definitions: Mapping[str, int] | None
+    device: Device,
+    names: Sequence[str],
+    precision: str,
+    definitions: Mapping[str, int] | None,
+    parameters: Iterable[str],
 ) -> tuple[tuple[object, ...], dict[str, int]]:
     """What tells a program from others, and the constants that it is compiled with."""
     constants = {
@@ -153,12 +166,15 @@ def _key(
         "BUILTINS": int(device.is_pocl),
         **(definitions or {}),
     }
-    return (tuple(names), tuple(sorted(constants.items()))), constants
+    return (tuple(names), tuple(sorted(constants.items())), tuple(parameters)), constants
 
 
-def _build(device: Device, names: Sequence[str], constants: Mapping[str, int]) -> cl.Program:
+def _build(device: Device, names: Sequence[str], constants: Mapping[str, int], parameters: Sequence[str]) -> cl.Program:
+    names = ["prelude", *names]
+    texts = [(f"{name}.cl", kernel_source(name)) for name in names]
+    texts.insert(1, ("parameters", declaration(parameters)))
     # '#line' lets the compiler's messages name the kernel file; -I would break on paths with spaces in PoCL.
-    source = "\n".join(f'#line 1 "{name}.cl"\n{kernel_source(name)}' for name in names)
+    source = "\n".join(f'#line 1 "{name}"\n{text}' for name, text in texts)
     options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]
     if device.rounds_correctly:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")

@@ -169,21 +169,32 @@ class Model:
         sign: float = 1.0,
         max_slope: float = 1.0,
         unit: float = 1.0,
-    ) -> list[float]:
-        """Numbers of one image, in the order of kernels/shared/prelude.cl and of the model's files; Z = 0 is `unit`."""
-        steps = [0.5 / grid.dx, 0.5 / grid.dy, max_slope * grid.dx, max_slope * grid.dy, max_slope]
-        common = [*steps, sign]
+    ) -> dict[str, float]:
+        """Numbers of one image by the names that the kernels have for them; Z = 0 is `unit`."""
+        common = {
+            "half_inverse_dx": 0.5 / grid.dx,
+            "half_inverse_dy": 0.5 / grid.dy,
+            "step_x": max_slope * grid.dx,
+            "step_y": max_slope * grid.dy,
+            "steepest": max_slope,
+            "sign": sign,
+        }
         if isinstance(self.light, ParallelLight):
-            numbers = [*common, self.light.p0, self.light.q0, 1.0 / self.light.norm]
+            numbers = {**common, "p0": self.light.p0, "q0": self.light.q0, "inverse_norm": 1.0 / self.light.norm}
             if isinstance(self.reflectance, Lambertian):
                 return numbers
-            return [*numbers, self.steepness(grid), *_material_numbers(self.reflectance)]
+            return {**numbers, "steepness": self.steepness(grid), **_material_numbers(self.reflectance)}
         material = _material_numbers(self.reflectance)
         if not self.light.falloff:
-            return [*common, self.light.gain, *material]
+            return {**common, "gain": self.light.gain, **material}
         if scheme == "upwind" and self.beside_camera:
-            return [*common, *(place / unit for place in self.light.offset), *material]
-        return [*common, self.light.gain, self.reflectance.steepest_log, *material]
+            lamp = (f"lamp_{axis}" for axis in "xyz")
+            return {
+                **common,
+                **{name: place / unit for name, place in zip(lamp, self.light.offset, strict=True)},
+                **material,
+            }
+        return {**common, "gain": self.light.gain, "steepest_log": self.reflectance.steepest_log, **material}
 
     def between(self, grid: PixelGrid) -> NDArray[np.float64]:
         """Cosine of the angle between the rays and a parallel light, shape (height, width)."""
@@ -245,9 +256,9 @@ def _survey(reflectance: Reflectance, between: float) -> tuple[float, float]:
     return _MARGIN * float(steepest.max()), _SMALL_MARGIN * float(brightest.max())
 
 
-def _material_numbers(reflectance: Reflectance) -> list[float]:
+def _material_numbers(reflectance: Reflectance) -> dict[str, float]:
     if isinstance(reflectance, OrenNayar):
-        return [reflectance.direct, reflectance.rim]
+        return {"direct": reflectance.direct, "rim": reflectance.rim}
     if isinstance(reflectance, Phong):
-        return [reflectance.diffuse, reflectance.specular, reflectance.shininess]
-    return []
+        return {name: getattr(reflectance, name) for name in ("diffuse", "specular", "shininess")}
+    return {}

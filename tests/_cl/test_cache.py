@@ -245,7 +245,8 @@ def test_what_never_builds_is_an_error_of_the_package(monkeypatch: pytest.Monkey
 def test_the_compiler_is_heard_only_about_our_source(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same words without the name of a kernel file are the driver's chatter."""
     source = "__kernel void mended(__global float *a) { a[0] = 1; }\n"
-    monkeypatch.setattr(program_module, "kernel_source", lambda name: source if name == "renew" else "\n")
+    texts = {"prelude": "typedef float real;\n", "renew": source}
+    monkeypatch.setattr(program_module, "kernel_source", lambda name: texts.get(name, "\n"))
     for number, said in enumerate(("Compilation started\nCompilation done", "renew.cl:1:7: warning: odd")):
         monkeypatch.setattr(cl.Program, "get_build_info", lambda *_, text=said: text)
         with warnings.catch_warnings(record=True) as heard:

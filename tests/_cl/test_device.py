@@ -23,6 +23,8 @@ from persfs_cl._cl.program import kernel, program
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.selection import select_device
 from persfs_cl._cl.tuning import Tuning
+from persfs_cl.shading.light import Light
+from persfs_cl.shading.model import Model
 
 
 def handle(
@@ -209,6 +211,11 @@ def test_a_missing_kernel_file_says_to_reinstall() -> None:
         program(select_device(), ["absent"], "float32")
 
 
+def fields(light: Light) -> list[str]:
+    """Of the parameters of a Lambertian surface under the light, for the upwind scheme."""
+    return list(Model.of(light, ps.Lambertian()).parameters(ps.Camera(10.0).grid((4, 4)), scheme="upwind"))
+
+
 def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> None:
     wide = lanes(device, precision)
     for variant, width in (
@@ -223,20 +230,25 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         if width == 1 and variant not in ("lexicographic", "wavefront_tiles", "checkerboard"):
             continue
         tuning = Tuning(variant, width, width)
-        program(
-            device, ["light_cone", "parallel_light", "lax_friedrichs", *tuning.kernels], precision, tuning.definitions
-        )
+        kernels = ["light_cone", "parallel_light", "lax_friedrichs", *tuning.kernels]
+        program(device, kernels, precision, tuning.definitions, fields(ps.ParallelLight()))
     flash = ["elementary", "lambertian", "flash_light", "steepness", "upwind_flash"]
     parallel = ["light_cone", "parallel_light", "climb", "upwind"]
     headlight = ["elementary", "lambertian", "headlight", "climb", "upwind"]
     beside = ["elementary", "lambertian", "steepness", "light_cone", "lamp_beside", "climb", "upwind_beside"]
-    for scheme in (parallel, headlight, flash, beside):
+    lights: tuple[Light, ...] = (
+        ps.ParallelLight(),
+        ps.FlashLight(falloff=False),
+        ps.FlashLight(),
+        ps.FlashLight(offset=(0.1, 0.0, 0.0)),
+    )
+    for light, scheme in zip(lights, (parallel, headlight, flash, beside), strict=True):
         for variant, width in (("wavefront_strips", wide), ("wavefront_tiles", 1)):
             if width == 1 and variant == "wavefront_strips":
                 continue
             tuning = Tuning(variant, width, width, second_order=True)
-            program(device, [*scheme, *tuning.kernels], precision, tuning.definitions)
-    program(device, ["light_cone", "parallel_light", "render"], precision)
+            program(device, [*scheme, *tuning.kernels], precision, tuning.definitions, fields(light))
+    program(device, ["light_cone", "parallel_light", "render"], precision, None, fields(ps.ParallelLight()))
 
 
 def test_a_wrong_environment_is_an_error_and_never_a_question() -> None:
