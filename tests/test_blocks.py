@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import persfs_cl as ps
 from persfs_cl import blocks
 from persfs_cl.blocks import row_blocks
-from persfs_cl.solver.domain import Neighbours
+from persfs_cl.masks import Neighbours
 
 
 @given(st.integers(1, 5000), st.integers(1, 200_000))

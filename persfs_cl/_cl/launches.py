@@ -19,7 +19,7 @@ from persfs_cl._cl.program import kernel
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.errors import DeviceError
-from persfs_cl.solver.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
+from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
 
 DIRECTIONS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """The four sweeps as (leftwards, upwards), in the paper's order."""
@@ -43,7 +43,7 @@ class Grid:
     brightness : ndarray of float64, shape (height, width)
         E.
     flags : ndarray of uint8, shape (height, width)
-        See :mod:`persfs_cl.solver.domain`.
+        See :mod:`persfs_cl.masks`.
     parameters : mapping of str to float
         Of grid, scheme, light and material; see :mod:`persfs_cl._cl.parameters`.
     x_axis, y_axis : ndarray, shapes (3, width) and (3, height)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.blocks import row_blocks
-from persfs_cl.solver.domain import NONE
+from persfs_cl.masks import NONE
 
 ALIGNMENT = 64
 """Bytes: vectors of an array that begins at a multiple of this do not lie across cache lines."""
@@ -110,7 +110,7 @@ class Layout:
             yield lines[:, begin : begin + (self.width + 1 - parity) // 2], slice(parity, None, 2)
 
     def cells(self, pixels: NDArray[np.integer]) -> NDArray[np.int32]:
-        """Stored indices of flat pixel indices; :data:`persfs_cl.solver.domain.NONE` stays."""
+        """Stored indices of flat pixel indices; :data:`persfs_cl.masks.NONE` stays."""
         rows, columns = np.divmod(pixels, self.width)
         stored = (rows + self.first_row) * self.stride + self._columns[columns]
         return np.where(pixels == NONE, NONE, stored).astype(np.int32)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
+from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures
 from persfs_cl.paper.course import Course, followed, marching, sweeping, told
@@ -19,7 +20,6 @@ from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.vase import CLOSEST, START
 from persfs_cl.scenes.analytic import Scene, vase
-from persfs_cl.solver.domain import rim
 from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.solver.reference import reflectance_map
 

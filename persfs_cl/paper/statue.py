@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
 from persfs_cl.io.photos import Encoding, read_mask, read_photo
+from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures, printed
 from persfs_cl.paper.course import marching, sweeping
@@ -29,7 +30,6 @@ from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_
 from persfs_cl.preparation.normalise import encode_srgb
 from persfs_cl.preparation.prepare import Normalise, Preparation, PreparedPhoto, prepare_photo
 from persfs_cl.shading.light import FlashLight
-from persfs_cl.solver.domain import rim
 from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.surface.render import render
 

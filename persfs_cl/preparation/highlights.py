@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.checks import as_array, brief, finite_number
 from persfs_cl.errors import InputError
+from persfs_cl.masks import connected
 from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.preparation.normalise import checked
-from persfs_cl.solver.domain import connected
 
 Array = NDArray[np.float64]
 Light = NDArray[np.float32]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl import checks
+from persfs_cl import checks, masks
 from persfs_cl._cl.launches import Grid
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
@@ -125,7 +125,7 @@ class Problem:
         start[known] = self.known_values - self.level
         if self.scheme == "upwind":
             # What is not there must not look like a low neighbour.
-            start[~(known | self.domain.solved)] = domain.NOWHERE
+            start[~(known | self.domain.solved)] = masks.NOWHERE
         return start
 
     @property
@@ -162,7 +162,7 @@ class Problem:
         known, solved = self.domain.known, self.domain.solved
         if not converged and np.isfinite(self.highest_known):
             step = self.max_slope * max(self.grid.dx, self.grid.dy)
-            ways = domain.steps_from(known, known | solved)
+            ways = masks.steps_from(known, known | solved)
             values[values > (self.highest_known + step * ways) * (1.0 + 1e-5) + 1e-6] = np.nan
         log_depth, depth = values, np.empty_like(values)
         for rows in row_blocks(depth.shape):
@@ -261,7 +261,7 @@ def prepare(
     if known_depth is not None:
         depths, known = _require_depths(known_depth, shape)
     else:
-        known = np.zeros(shape, bool) if model.falls_off else domain.rim(wanted)
+        known = np.zeros(shape, bool) if model.falls_off else masks.rim(wanted)
         depths = np.where(known, 1.0, np.nan)
     if known_depth is None and wanted.any() and not (wanted & ~known).any():
         raise InputError(
@@ -292,7 +292,7 @@ def prepare(
     known_values = sign * (np.log(depths[layout.known]) + log_ray[layout.known])
     # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
     beside_solved = np.concatenate(
-        [domain.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)]
+        [masks.Neighbours.of(layout.solved, rows).any[layout.known[rows]] for rows in row_blocks(shape)]
     )
     _require_relief(depths[layout.known][beside_solved])
     first: NDArray[np.float64] | float
@@ -526,7 +526,7 @@ def warn_of_steep_outline(
     light = model.light
     if wanted.all() or not isinstance(light, ParallelLight):
         return
-    outline = looked_at & domain.Neighbours.of(~wanted).any & np.isfinite(brightness)
+    outline = looked_at & masks.Neighbours.of(~wanted).any & np.isfinite(brightness)
     if not outline.any():
         return
     ground = 1.0 / light.norm

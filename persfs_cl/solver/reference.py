@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.camera import PixelGrid
+from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.light import Light, ParallelLight
 from persfs_cl.shading.material import Lambertian, Reflectance
-from persfs_cl.solver.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT, Boundary
+from persfs_cl.solver.domain import Boundary
 
 if TYPE_CHECKING:
     from persfs_cl.solver.problem import Problem

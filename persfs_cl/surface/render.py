@@ -16,11 +16,11 @@ from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_floats, as_mask, brief
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
+from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.shading.light import FlashLight, Light, ParallelLight
 from persfs_cl.shading.material import Lambertian, Reflectance
 from persfs_cl.shading.model import Model
 from persfs_cl.solver import reference
-from persfs_cl.solver.domain import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.solver.problem import require_albedo
 from persfs_cl.surface.geometry import Cuts, depth_array, log_depth_gradient
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
+from persfs_cl.masks import connected, rim
 from persfs_cl.scenes import meshes as scanned
 from persfs_cl.scenes.analytic import Scene
 from persfs_cl.scenes.meshes import mesh_scene, mesh_view, stanford_bunny
 from persfs_cl.shading.light import FlashLight, ParallelLight
-from persfs_cl.solver.domain import connected, rim
 from persfs_cl.solver.reference import brightness
 from persfs_cl.surface import geometry as surface
 

@@ -9,8 +9,8 @@ import pytest
 
 import persfs_cl as ps
 from persfs_cl.choices import Precision, Surface
+from persfs_cl.masks import steps_from
 from persfs_cl.scenes.analytic import Scene
-from persfs_cl.solver.domain import steps_from
 
 FRONTAL, OBLIQUE = ps.ParallelLight(), ps.ParallelLight(0.15, -0.1)
 MAX_SLOPE = 5.0

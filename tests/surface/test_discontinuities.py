@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl.choices import Precision
+from persfs_cl.masks import Neighbours, rim
 from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
 from persfs_cl.shading.light import Light
-from persfs_cl.solver.domain import Neighbours, rim
 from persfs_cl.solver.reference import brightness
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface import plots as pictures

@@ -1,0 +1,134 @@
+"""Sets of pixels: neighbours, rims, what is connected, and the flags that tell the kernels of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.blocks import row_blocks
+
+Mask = NDArray[np.bool_]
+
+# Bits of a cell's flags; kernels/shared/prelude.cl gives them the same values.
+SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16
+
+NOWHERE = 1e30
+"""Value of a cell that is not there, for schemes that only want it to be high; as in kernels/shared/prelude.cl."""
+
+NONE = -1
+"""Index that stands for "does not look along this axis" in :attr:`persfs_cl.solver.domain.Boundary.inwards`."""
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """For every pixel, whether the pixel beside it satisfies a predicate; nothing outside does."""
+
+    left: Mask
+    right: Mask
+    up: Mask
+    down: Mask
+
+    @classmethod
+    def of(cls, pixels: Mask, rows: slice = slice(None)) -> Neighbours:
+        """Look at `pixels`, or some rows of them, from each of the four sides."""
+        begin, end, _ = rows.indices(len(pixels))
+        above, below = min(begin, 1), min(len(pixels) - end, 1)
+        padded = np.zeros((end - begin + 2, pixels.shape[1] + 2), bool)
+        padded[1 - above : len(padded) - 1 + below, 1:-1] = pixels[begin - above : end + below]
+        return cls(padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1])
+
+    @property
+    def any(self) -> Mask:
+        """Pixels with at least one such neighbour."""
+        return self.left | self.right | self.up | self.down
+
+    @property
+    def all(self) -> Mask:
+        """Pixels with four such neighbours."""
+        return self.left & self.right & self.up & self.down
+
+
+def rim(pixels: Mask) -> Mask:
+    """Pixels of a set that have a neighbour outside it or outside the image."""
+    return pixels & ~Neighbours.of(pixels).all
+
+
+def missing_neighbours(present: Mask) -> NDArray[np.uint8]:
+    """Flags NO_LEFT, NO_RIGHT, NO_UP and NO_DOWN of every pixel."""
+    flags = np.zeros(present.shape, np.uint8)
+    for rows in row_blocks(present.shape):
+        beside = Neighbours.of(present, rows)
+        sides = ((NO_LEFT, beside.left), (NO_RIGHT, beside.right), (NO_UP, beside.up), (NO_DOWN, beside.down))
+        for bit, there in sides:
+            flags[rows] |= ~there * np.uint8(bit)
+    return flags
+
+
+def connected(seeds: Mask, passable: Mask) -> Mask:
+    """Pixels joined to a seed by steps along rows and columns through passable pixels, seeds included.
+
+    What is joined is found among the runs of passable pixels in rows, which are far fewer than the pixels.
+    """
+    if passable.all():
+        return passable if seeds.any() else seeds
+    height, width = passable.shape
+    stride = width + 1
+
+    def in_line(pixels: Mask) -> Mask:
+        """Row after row, with a blocked pixel before each and at the end, so that runs end with their rows."""
+        line = np.zeros(height * stride + 1, bool)
+        line[:-1].reshape(height, stride)[:, 1:] = pixels
+        return line
+
+    line = in_line(passable)
+    bounds = np.flatnonzero(line[1:] != line[:-1]) + 1
+    begins, ends = bounds[0::2], bounds[1::2]
+    # In the next row a run touches those that end behind its begin and begin before its end.
+    first, behind = np.searchsorted(ends, begins + stride, side="right"), np.searchsorted(begins, ends + stride)
+    touched = behind - first
+    upper = np.repeat(np.arange(begins.size), touched)
+    lower = np.arange(upper.size) + np.repeat(first - (np.cumsum(touched) - touched), touched)
+    groups = _groups(begins.size, upper, lower)
+
+    seeded = np.logical_or.reduceat(in_line(seeds & passable), bounds)[0::2]
+    reached = np.zeros(bounds.size + 1, bool)
+    reached[1::2] = np.isin(groups, groups[seeded])
+    pixels = np.repeat(reached, np.diff(bounds, prepend=0, append=line.size))
+    return np.ascontiguousarray(pixels[:-1].reshape(height, stride)[:, 1:])
+
+
+def _groups(count: int, one: NDArray[np.intp], other: NDArray[np.intp]) -> NDArray[np.intp]:
+    """For each of so many nodes the lowest of those that edges join it to; an edge leads from `one` to `other`."""
+    groups = np.arange(count)
+    while one.size:
+        one, other = groups[one], groups[other]
+        apart = one != other
+        one, other = one[apart], other[apart]
+        np.minimum.at(groups, np.maximum(one, other), np.minimum(one, other))
+        while (groups[groups] != groups).any():
+            groups = groups[groups]
+    return groups
+
+
+def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:
+    """Fewest steps along rows and columns from a seed to each pixel through passable ones; -1 where there is no way."""
+    padded = np.pad(passable, 1)
+    width = padded.shape[1]
+    # Flat and padded, so that a neighbour is an offset and no step leaves the image.
+    steps = np.full(padded.size, -1, np.int32)
+    free = padded.ravel().copy()
+    frontier = np.flatnonzero(np.pad(seeds, 1))
+    count = 0
+    while frontier.size:
+        steps[frontier] = count
+        free[frontier] = False
+        beside = np.concatenate([frontier - 1, frontier + 1, frontier - width, frontier + width])
+        beside = beside[free[beside]]
+        # Each only once: of the numbers that a pixel is given one stays.
+        numbers = np.arange(beside.size)
+        steps[beside] = numbers
+        frontier = beside[steps[beside] == numbers]
+        count += 1
+    return np.ascontiguousarray(steps.reshape(padded.shape)[1:-1, 1:-1])
