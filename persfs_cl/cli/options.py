@@ -14,8 +14,13 @@ import typer
 from persfs_cl.camera import Camera, exif_focal_length
 from persfs_cl.choices import Precision
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.shading.light import FlashLight, Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
+from persfs_cl.shading.flash_light import FlashLight
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.oren_nayar import OrenNayar
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.phong import Phong
+from persfs_cl.shading.reflectance import Reflectance
 
 LightKind = Literal["parallel", "flash"]
 ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]

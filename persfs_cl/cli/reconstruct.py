@@ -41,9 +41,7 @@ from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.pipeline.job import Brightness, PhotoSolution, solve_photo
 from persfs_cl.preparation.prepare import Highlights, Normalise
-from persfs_cl.shading.light import ParallelLight
-from persfs_cl.shading.model import Model
-from persfs_cl.solver.reconstruct import Options
+from persfs_cl.solver.options import complete
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
 
@@ -289,24 +287,26 @@ def reconstruct(
     lit_by = chosen_light(light, p0, q0, gain, falloff, lamp)
     material = chosen_reflectance(reflectance, roughness, diffuse, specular, shininess)
     for option, value in (("'--normalise'", normalise), ("'--white-percentile'", white_percentile)):
-        if value not in (None, "none") and not isinstance(lit_by, ParallelLight):
+        if value not in (None, "none") and not lit_by.normalised:
             raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)
     if normalise == "none" and white_percentile is not None:
         raise typer.BadParameter("nothing is normalised: leave it out.", param_hint="'--white-percentile'")
     try:
-        model = Model.of(lit_by, material)
-        options = Options(
-            surface=surface,
-            boundary=boundary,
-            scheme=scheme,
-            ordering=ordering,
-            precision=precision,
-            accuracy_order=accuracy_order,
-            max_iterations=max_iterations,
-            tolerance=tolerance,
-            max_slope=max_slope,
+        complete(
+            {
+                "light": lit_by,
+                "reflectance": material,
+                "surface": surface,
+                "boundary": boundary,
+                "scheme": scheme,
+                "ordering": ordering,
+                "precision": precision,
+                "accuracy_order": accuracy_order,
+                "max_iterations": max_iterations,
+                "tolerance": tolerance,
+                "max_slope": max_slope,
+            }
         )
-        options.resolved(model, model.scheme(scheme))
     except InputError as error:
         raise typer.BadParameter(str(error)) from error
     check_folder(output, overwrite=overwrite)

@@ -34,7 +34,6 @@ from persfs_cl.cli.options import (
 from persfs_cl.cli.output import check_file
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.photos import read_depth, read_light, read_mask, write_grey
-from persfs_cl.shading.light import ParallelLight
 from persfs_cl.surface.render import render as photograph
 
 Bits = Literal["8", "16"]
@@ -114,8 +113,8 @@ def render(
     except (InputError, CameraError) as error:
         raise type(error)(f"{depth}: {error}") from error
     if white is None:
-        white = 1.0 if isinstance(lit_by, ParallelLight) else float(np.nanmax(image))
+        white = 1.0 if lit_by.normalised else float(np.nanmax(image))
     write_grey(output, image / white, 8 if bits == "8" else 16, encoding=encoding)
     typer.echo(output)
-    if not isinstance(lit_by, ParallelLight):
+    if not lit_by.normalised:
         typer.echo(f"White is a brightness of {white:g}.", err=True)

@@ -19,10 +19,10 @@ from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.normalise import encode_srgb
 from persfs_cl.preparation.prepare import Highlights, Normalise, Preparation, PreparedPhoto, prepare_photo
-from persfs_cl.shading.light import Light, ParallelLight
-from persfs_cl.shading.material import Lambertian
-from persfs_cl.shading.model import Model
-from persfs_cl.solver.problem import warn_of_steep_outline
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.solver.inputs import warn_of_steep_outline
 from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.surface.solution import Solution
 
@@ -95,7 +95,7 @@ class Brightness:
             )
         done = {"channel": self.channel, **prepared.report}
         done |= {name: str(file) for name, file in vars(self).items() if isinstance(file, Path)}
-        if isinstance(light, ParallelLight):
+        if light.normalised:
             normalised = prepared.normalised(self.normalise or "linear", percentile=self.white_percentile)
             return normalised.image, normalised.unfiltered, {**done, **normalised.report}
         if self.normalise not in (None, "none") or self.white_percentile is not None:
@@ -225,7 +225,7 @@ def solve_photo(
     pinhole, source = camera.camera_and_source(path, shape)
     wanted = opaque & inside
     light = keywords.get("light", ParallelLight())
-    assumed = depths is None and isinstance(light, ParallelLight)
+    assumed = depths is None and light.flat_rim
     known = rim(wanted) if assumed else np.zeros(shape, bool) if depths is None else np.isfinite(depths)
     if not (wanted & ~barriers).any():
         why = _why_empty({"transparent": ~opaque, f"outside {mask}": ~inside, f"in {walls}": barriers})
@@ -250,8 +250,9 @@ def solve_photo(
             if assumed:
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
-                model = Model.of(light, keywords.get("reflectance", Lambertian()))
-                warn_of_steep_outline(image if shares is None else image / shares, solvable & ~barriers, wanted, model)
+                material = keywords.get("reflectance", Lambertian())
+                seen = image if shares is None else image / shares
+                warn_of_steep_outline(seen, solvable & ~barriers, wanted, light, material)
         solution = reconstruct(
             image,
             pinhole,

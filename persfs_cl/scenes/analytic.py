@@ -19,9 +19,12 @@ from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import brief, check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
-from persfs_cl.shading.light import Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, Reflectance
-from persfs_cl.solver.reference import brightness
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.light import require_light
+from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -118,12 +121,8 @@ class Photograph:
     seed: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.light, Light):
-            raise InputError(f"light={brief(self.light)} is no light: give a ParallelLight or a FlashLight.")
-        if not isinstance(self.reflectance, Reflectance):
-            raise InputError(
-                f"reflectance={brief(self.reflectance)} is no material: give Lambertian(), OrenNayar or Phong."
-            )
+        require_light(self.light)
+        require_reflectance(self.reflectance)
         if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
             raise InputError(f"bits={brief(self.bits)} is no quantisation: give 1 to 32, or None for unquantised.")
         check_finite("noise", self.noise)
@@ -135,7 +134,7 @@ class Photograph:
     @property
     def tilt(self) -> tuple[float, float]:
         """Slopes of the plane that faces the light; the camera's own light faces what the camera faces."""
-        return (self.light.p0, self.light.q0) if isinstance(self.light, ParallelLight) else (0.0, 0.0)
+        return self.light.tilt
 
     @property
     def brightest_on_top(self) -> bool:
@@ -144,7 +143,7 @@ class Photograph:
 
     def taken(self, depth: Array, log_depth_gradient: tuple[Array, Array], grid: PixelGrid) -> Array:
         """The image of a surface."""
-        exact = brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.light, self.reflectance)
+        exact = self.light.brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.reflectance)
         image = self._in_range(exact)
         if not image.any():
             raise InputError(f"light={brief(self.light)} lights nothing that the camera sees: move it to the camera.")
@@ -157,10 +156,10 @@ class Photograph:
         return np.asarray(np.round(image * (levels / white)) / levels * white)
 
     def _in_range(self, image: Array) -> Array:
-        return np.clip(image, 0.0, 1.0 if isinstance(self.light, ParallelLight) else None)
+        return np.clip(image, 0.0, 1.0 if self.light.normalised else None)
 
     def _white(self, image: Array) -> float:
-        return 1.0 if isinstance(self.light, ParallelLight) else float(image.max())
+        return 1.0 if self.light.normalised else float(image.max())
 
 
 def vase(

@@ -39,7 +39,7 @@ from persfs_cl.io.photos import read_depth, read_photo, write_depth, write_grey
 from persfs_cl.io.points import compare_points
 from persfs_cl.preparation import normalise as grey
 from persfs_cl.preparation.prepare import Preparation, cos4_vignetting, prepare_photo
-from persfs_cl.solver import reconstruct as solver
+from persfs_cl.solver.options import described
 
 FILES = {
     "depth.npy",
@@ -242,10 +242,11 @@ def test_render_with_a_flash(white: float | None, tmp_path: Path) -> None:
 def test_choices_and_defaults_are_those_of_the_library() -> None:
     types = typing.get_type_hints(reconstruct)
     command, library = inspect.signature(reconstruct).parameters, inspect.signature(ps.reconstruct).parameters
-    for name, choices in solver._CHOICES.items():
-        assert typing.get_args(types[name]) == choices
-    for name in (*solver._CHOICES, "max_iterations", "tolerance", "max_slope"):
-        assert command[name].default == library[name].default
+    for name, (_, option) in described().items():
+        if option.in_command:
+            assert command[name].default == library[name].default
+            if option.choices and (choices := typing.get_args(types[name])):
+                assert set(typing.get_args(choices[0]) or choices) == set(option.choices())
 
 
 @pytest.mark.usefixtures("quick")
