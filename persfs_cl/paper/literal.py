@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.scenes.analytic import Scene
 from persfs_cl.shading.light import ParallelLight
 from persfs_cl.shading.material import Lambertian
@@ -115,7 +116,7 @@ def _problem(scene: Scene) -> Problem:
     )
 
 
-def _iterated(device: Device, problem: Problem, grid: Grid) -> Array:
+def _iterated(device: Device, problem: Problem, grid: Image) -> Array:
     # In double precision: C may lie far above the relief.
     precision = "float64" if device.has_float64 else "float32"
     sweeper = Sweeper(

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl._cl.selection import select_device
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.camera import Camera
 from persfs_cl.checks import brief, finite_number, warn
-from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
+from persfs_cl.choices import Boundary, Precision, Scheme, Surface
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.shading.light import FlashLight, Light, ParallelLight
 from persfs_cl.shading.material import Lambertian, Reflectance
@@ -35,7 +37,8 @@ _CHOICES = {
     "surface": get_args(Surface),
     "boundary": get_args(Boundary),
     "scheme": get_args(Scheme),
-    "ordering": get_args(Ordering),
+    # The very registry, to which orderings may be added.
+    "ordering": ORDERINGS,
     "precision": get_args(Precision),
 }
 
@@ -64,7 +67,7 @@ def reconstruct(
     surface: Surface = "away",
     boundary: Boundary = "auto",
     scheme: Scheme = "auto",
-    ordering: Ordering = "wavefront",
+    ordering: str = "wavefront",
     accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
@@ -194,7 +197,7 @@ def reconstruct_batch(
     surface: Surface = "away",
     boundary: Boundary = "auto",
     scheme: Scheme = "auto",
-    ordering: Ordering = "wavefront",
+    ordering: str = "wavefront",
     accuracy_order: int = 1,
     max_iterations: int = 2000,
     tolerance: float = 1e-5,
@@ -369,7 +372,7 @@ class Options:
     surface: Surface
     boundary: Boundary
     scheme: Scheme
-    ordering: Ordering
+    ordering: str
     precision: Precision
     accuracy_order: int
     max_iterations: int
@@ -467,7 +470,7 @@ class _Run:
     The values of `grids` are those that the iteration has reached.
     """
 
-    grids: list[Grid]
+    grids: list[Image]
     changes: list[list[float]]
     statuses: list[Status]
     variant: str
@@ -529,7 +532,7 @@ class _Run:
             only_lower=only_lower,
         )
         self.build_seconds += time.perf_counter() - began
-        self.variant = sweeper.tuning.variant
+        self.variant = sweeper.variant
         changes, statuses = _iterate(sweeper, most, options.tolerance, callback, done)
         self.kernel_seconds += sweeper.kernel_seconds
         sweeper.copy_log_depth(self.grids[place].log_depth for place in places)
