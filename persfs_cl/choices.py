@@ -7,5 +7,4 @@ from typing import Literal
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
 Scheme = Literal["auto", "lax-friedrichs", "upwind"]
-Ordering = Literal["wavefront", "checkerboard", "lexicographic"]
 Precision = Literal["float32", "float64"]

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, ParallelLight, Phong
-from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.registers import lanes
-from persfs_cl._cl.tuning import Tuning
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.choices import Boundary, Surface
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -71,31 +72,30 @@ def random_problem(
     return prepare(image, camera, inside, None, known, options=options)
 
 
-def fitted(tuning: Tuning, device: Device, precision: str) -> Tuning:
-    """The tuning with no wider vectors than the device takes, and as many of them a strip."""
-    wide = min(tuning.lanes, lanes(device, precision))
-    if tuning.lanes > 1 and wide == 1:
+def fitted(ordering: Ordering, device: Device, precision: str) -> Ordering:
+    """The ordering with no wider vectors than the device takes, and as many of them a strip."""
+    wide = min(ordering.lanes, lanes(device, precision))
+    if ordering.lanes > 1 and wide == 1:
         pytest.skip(f"{device} takes no vectors")
-    return replace(tuning, lanes=wide, strip_rows=tuning.strip_rows * wide // tuning.lanes)
+    return replace(ordering, lanes=wide)
 
 
 def sweeper(
     problem: Problem,
     device: Device,
     precision: str,
-    ordering: str,
+    ordering: str | Ordering,
     *,
     linear: bool = False,
     tolerance: float = 0.0,
-    tuning: Tuning | None = None,
 ) -> Sweeper:
     """The problem on a device, in a variant that can be stepped sweep by sweep."""
     wide = lanes(device, precision)
-    if tuning is not None:
-        tuning = fitted(tuning, device, precision)
+    if isinstance(ordering, Ordering):
+        ordering = fitted(ordering, device, precision)
     elif ordering == "wavefront" and wide > 1:
         # The lowest strips, so that a small image has several, and the program that compiles fastest.
-        tuning = Tuning("wavefront_strips", wide, wide, device.compute_units)
+        ordering = WavefrontStrips(wide, vectors=1, work_groups=device.compute_units)
     return Sweeper(
         device,
         [problem.numbers],
@@ -104,5 +104,4 @@ def sweeper(
         precision=precision,
         linear=linear,
         tolerance=tolerance,
-        tuning=tuning,
     )

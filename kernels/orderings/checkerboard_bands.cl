@@ -103,7 +103,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
       __global const real *column_table, /* shape (images, 3, stride), columns apart            */
       __global const real *row_table,    /* shape (images, 3, rows)                             */
       __global float *changes,           /* see prelude                                         */
-      const int first_iteration,         /* index into changes                                  */
+      const int iteration,               /* first of this launch, index into changes            */
       const float tolerance,             /* on max |dZ|                                         */
       const int images,                  /* of this run                                         */
       const int rows,                    /* stored rows, padding included                       */
@@ -128,12 +128,12 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
             const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
             __global volatile int *through = sync + image, *states = sync + images + image * bands;
             const parameter_set numbers = parameters[image];
-            for (int iteration = first_iteration; iteration < first_iteration + iterations; ++iteration) {
-                const int done = iteration - first_iteration;
+            for (int done = 0; done < iterations; ++done) {
+                const int now = iteration + done;
                 if (measured && atomic_add(through, 0) < (iterations_before + done) * bands)
                     break;
                 FENCE();
-                if (finished(changes, iteration, image, images, tolerance))
+                if (finished(changes, now, image, images, tolerance))
                     break;
                 const picture all = {log_depth + begin,
                                      brightness + begin,
@@ -142,7 +142,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                                      column_table + image * 3 * stride,
                                      row_table + image * 3 * rows,
                                      previous + begin,
-                                     changes + iteration * images + image,
+                                     changes + now * images + image,
                                      rows,
                                      stride,
                                      first_colour,

@@ -28,7 +28,7 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         __global const real *column_table, /* as in strip.cl, shape (images, 6, stride)                        */
         __global const real *row_table,    /* shape (images, 3, rows)                                          */
         __global float *changes,           /* see prelude; the rows of these iterations are written            */
-        const int first_iteration,         /* index into changes                                               */
+        const int iteration,               /* first of this launch, index into changes                         */
         const float tolerance,             /* on max |dZ|                                                      */
         const int images,                  /* of this run                                                      */
         const int rows,                    /* stored rows, padding included                                    */
@@ -38,7 +38,7 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         const int height,                  /* pixels                                                           */
         const int width,                   /* pixels                                                           */
         const int iterations,              /* to be done                                                       */
-        __global volatile int *ticket,     /* shape (1,)                                                       */
+        __global volatile int *sync,       /* tickets drawn in this run, shape (1,)                            */
         const int first_ticket,            /* drawn before this launch                                         */
         __global real *previous,           /* Z before an iteration, shape of log_depth                        */
         __global const int *counts,        /* this and the next four: see boundary.cl                          */
@@ -51,13 +51,13 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
 {
     const size_t size = (size_t)rows * (size_t)stride;
     for (;;) {
-        const int image = atomic_inc(ticket) - first_ticket;
+        const int image = atomic_inc(sync) - first_ticket;
         if (image >= images)
             return;
         const size_t begin = (size_t)image * size;
         __global real *z = log_depth + begin, *before = previous + begin;
         const parameter_set numbers = parameters[image];
-        for (int k = first_iteration; k < first_iteration + iterations; ++k) {
+        for (int k = iteration; k < iteration + iterations; ++k) {
             if (finished(changes, k, image, images, tolerance))
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {

@@ -8,6 +8,7 @@ import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -78,7 +79,7 @@ class Device:
         self.largest_group: int = handle.max_work_group_size
         self.register_bits: int | None = None
         self.programs: dict[object, cl.Program] = {}
-        self.kernels: dict[object, cl.Kernel] = {}
+        self.kernels: dict[object, Any] = {}
         self._context: cl.Context | None = None
         self._queue: cl.CommandQueue | None = None
 

@@ -23,12 +23,18 @@ def in_words(device: Device) -> Iterator[None]:
     try:
         yield
     except cl.MemoryError as error:
-        raise DeviceError(
-            f"{device} has no memory left for this image (it has {device.memory / 2**30:.1f} GiB): use a smaller "
-            f"image, precision='float32', or another device. It says: {error}"
-        ) from error
+        raise out_of_memory(device, error) from error
     except cl.Error as error:
         raise DeviceError(
             f"{device} failed: {error}. Use another device, or another version of its driver; "
             "'persfs-cl devices --check' tells which devices work."
         ) from error
+
+
+def out_of_memory(device: Device, error: cl.Error, size: int | None = None) -> DeviceError:
+    """The error of a device that cannot hold an array of so many bytes; None where the driver does not say which."""
+    what = "this image" if size is None else f"an array of {size / 2**20:.0f} MiB"
+    return DeviceError(
+        f"{device} has no memory left for {what} (it has {device.memory / 2**30:.1f} GiB): use a smaller image, "
+        f"precision='float32', or another device. It says: {error}"
+    )

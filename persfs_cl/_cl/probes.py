@@ -7,12 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl as cl
 
+from persfs_cl._cl.buffers import allocate
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.program import kernel
+from persfs_cl._cl.kernel import kernel
 from persfs_cl._cl.registers import lanes
-from persfs_cl.errors import DeviceError
 
+KERNEL_FILE = "roofline"
 _COPY_BLOCK = 16
 """Bytes, as in kernels/shared/roofline.cl."""
 _CHAINS = 12
@@ -42,21 +43,19 @@ def copier(device: Device, size: int) -> Callable[[int], None]:
     DeviceError
         When the device cannot hold two such arrays.
     """
-    copying = kernel(device, ["roofline"], "float32", None, "copy", [None, None])
-    try:
-        arrays = [cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size) for _ in range(2)]
+    copying = kernel(device, [KERNEL_FILE], "float32", None, "copy")
+    with in_words(device):
+        arrays = [allocate(device, size) for _ in range(2)]
         for array in arrays:
             # Memory that was never written to may be one and the same page of zeros.
             cl.enqueue_fill_buffer(device.queue, array, np.ones(1, np.float32), 0, size)
-    except cl.MemoryError as error:
-        raise DeviceError(
-            f"{device} cannot hold two arrays of {size / 2**20:.0f} MiB: measure smaller images."
-        ) from error
     blocks = size // _COPY_BLOCK
+
+    values = dict(zip(("from", "to"), arrays, strict=True))
 
     def copy(count: int) -> None:
         for _ in range(count):
-            copying(device.queue, (blocks,), None, *arrays)
+            copying.launch(device, (blocks,), None, values)
 
     return copy
 
@@ -73,15 +72,14 @@ def multiplier(device: Device, precision: str) -> tuple[Callable[[int], None], i
     """
     real = device.real(precision)
     wide = lanes(device, precision)
-    scalars = [None, np.int32, real.type, real.type]
-    multiplying = kernel(device, ["roofline"], precision, {"LANES": wide}, "multiply_adds", scalars)
+    multiplying = kernel(device, [KERNEL_FILE], precision, {"LANES": wide}, "multiply_adds")
     items = device.compute_units * (4 if wide > 1 else 2048)
     rounds = 4096
-    with in_words(device):
-        results = cl.Buffer(device.context, cl.mem_flags.READ_WRITE, items * real.itemsize)
+    results = allocate(device, items * real.itemsize)
+    values = {"results": results, "rounds": rounds, "factor": 0.5, "summand": 0.5}
 
     def multiply(count: int) -> None:
         for _ in range(count):
-            multiplying(device.queue, (items,), (1,) if wide > 1 else None, results, rounds, 0.5, 0.5)
+            multiplying.launch(device, (items,), (1,) if wide > 1 else None, values)
 
     return multiply, 2 * _CHAINS * wide * items * rounds

@@ -14,7 +14,6 @@ import pyopencl as cl
 
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.parameters import COMMON, declaration
 from persfs_cl.checks import changing_warnings, warn
 from persfs_cl.errors import KernelBuildError
@@ -25,21 +24,25 @@ _ATTEMPTS = 3
 """Times that a program is made: what lies in a damaged cache is passed over by another number in its options."""
 
 
-def _kernel_directory() -> Path:
+def _packaged() -> Path:
     """kernels/ inside an installed package, or beside the package in a checkout (editable install)."""
-    packaged = _PACKAGE / "kernels"
-    return packaged if packaged.is_dir() else _PACKAGE.parent / "kernels"
+    inside = _PACKAGE / "kernels"
+    return inside if inside.is_dir() else _PACKAGE.parent / "kernels"
+
+
+KERNEL_FOLDERS = [_packaged()]
+"""Where kernel files are looked for, in folders of these folders; each name is there once."""
 
 
 @functools.cache
-def _kernel_files() -> dict[str, Path]:
-    """All kernel files by their names, without the suffix: each name is there once, in whatever folder."""
-    return {path.stem: path for path in _kernel_directory().glob("*/*.cl")}
+def _files_in(folder: Path) -> dict[str, Path]:
+    """All kernel files of a folder by their names, without the suffix."""
+    return {path.stem: path for path in folder.glob("*/*.cl")}
 
 
 def kernel_names() -> list[str]:
     """Names of all kernel files, without the suffix."""
-    return sorted(_kernel_files())
+    return sorted(name for folder in KERNEL_FOLDERS for name in _files_in(folder))
 
 
 def kernel_source(name: str) -> str:
@@ -50,11 +53,13 @@ def kernel_source(name: str) -> str:
     KernelBuildError
         When the file is missing: the installation is incomplete.
     """
+    found = [files[name] for files in map(_files_in, KERNEL_FOLDERS) if name in files]
     try:
-        return _kernel_files()[name].read_text(encoding="utf-8")
-    except (KeyError, OSError) as error:
+        return found[0].read_text(encoding="utf-8")
+    except (IndexError, OSError) as error:
+        folders = ", ".join(map(str, KERNEL_FOLDERS))
         raise KernelBuildError(
-            f"Kernel file {name}.cl in {_kernel_directory()} cannot be read ({error}): the installation is incomplete, "
+            f"Kernel file {name}.cl in {folders} cannot be read ({error}): the installation is incomplete, "
             "reinstall persfs-cl."
         ) from error
 
@@ -84,81 +89,29 @@ def program(
     KernelBuildError
         With the compiler's log, which names files and lines.
     """
-    key, constants = _key(device, names, precision, definitions, parameters)
+    key = program_key(device, names, precision, definitions, parameters)
     with device.lock:
         if key not in device.programs:
+            constants = _constants(device, precision, definitions)
             device.programs[key] = _build(device, names, constants, list(parameters))
         return device.programs[key]
 
 
-def kernel(
-    device: Device,
-    names: Sequence[str],
-    precision: str,
-    definitions: Mapping[str, int] | None,
-    name: str,
-    scalars: Sequence[type | None],
-    parameters: Iterable[str] = COMMON,
-) -> cl.Kernel:
-    """A kernel of a program, made once: what pyopencl prepares for its arguments takes longer than a small image.
-
-    Its arguments must all be given in each call, by one thread at a time: the one that holds the device's lock.
-
-    Parameters
-    ----------
-    device, names, precision, definitions, parameters
-        As for :func:`program`.
-    name : str
-        Of the kernel's function.
-    scalars : sequence of type or None
-        NumPy type of each argument that is a number; None for the buffers.
-
-    Raises
-    ------
-    KernelBuildError
-        As :func:`program`.
-    DeviceError
-        When the program has no such kernel, as one that a driver has left half-made.
-    """
-    key = (*_key(device, names, precision, definitions, parameters)[0], name)
-    with device.lock:
-        if key not in device.kernels:
-            with in_words(device):
-                built = program(device, names, precision, definitions, parameters)
-                device.kernels[key] = _made(built, name, scalars)
-        return device.kernels[key]
-
-
-def _made(built: cl.Program, name: str, scalars: Sequence[type | None]) -> cl.Kernel:
-    """A kernel that knows the types of its arguments."""
-    try:
-        made = cl.Kernel(built, name)
-        made.set_scalar_arg_dtypes(scalars)
-    except cl.Error:
-        raise
-    except Exception as error:
-        # pyopencl keeps what it prepares in a database, and raises whatever one leads to that is damaged or another's.
-        # The environment variable of this name is only read when pyopencl is imported.
-        if cl._PYOPENCL_NO_CACHE:  # noqa: SLF001
-            raise KernelBuildError(
-                f"The kernel {name} cannot be prepared ({type(error).__name__}: {error}). Install another version of "
-                "pyopencl."
-            ) from error
-        _LOG.debug("pyopencl's cache is left alone after: %s", error)
-        cl._PYOPENCL_NO_CACHE = True  # noqa: SLF001
-        return _made(built, name, scalars)
-    return made
-
-
-def _key(
+def program_key(
     device: Device,
     names: Sequence[str],
     precision: str,
     definitions: Mapping[str, int] | None,
     parameters: Iterable[str],
-) -> tuple[tuple[object, ...], dict[str, int]]:
-    """What tells a program from others, and the constants that it is compiled with."""
-    constants = {
+) -> tuple[object, ...]:
+    """What tells a program from others; its arguments are those of :func:`program`."""
+    constants = _constants(device, precision, definitions)
+    return tuple(names), tuple(sorted(constants.items())), tuple(parameters)
+
+
+def _constants(device: Device, precision: str, definitions: Mapping[str, int] | None) -> dict[str, int]:
+    """What a program is compiled with."""
+    return {
         "USE_DOUBLE": int(precision == "float64"),
         "LANES": 1,
         # PoCL keeps its mathematical functions out of line, which costs more than they save.
@@ -166,7 +119,6 @@ def _key(
         "BUILTINS": int(device.is_pocl),
         **(definitions or {}),
     }
-    return (tuple(names), tuple(sorted(constants.items())), tuple(parameters)), constants
 
 
 def _build(device: Device, names: Sequence[str], constants: Mapping[str, int], parameters: Sequence[str]) -> cl.Program:

@@ -7,10 +7,12 @@ import pyopencl as cl
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.program import kernel
+from persfs_cl._cl.kernel import kernel
 
-WIDEST = 8
-"""Lanes at most: wider vectors divide and take square roots no faster."""
+LANES = (1, 2, 4, 8)
+"""Cells that a work-item may update at once: see kernels/shared/prelude.cl."""
+WIDEST = max(LANES)
+"""Wider vectors divide and take square roots no faster."""
 
 
 def register_bits(device: Device) -> int:
@@ -50,6 +52,6 @@ def _asked(device: Device) -> int:
     bits = np.zeros(1, np.int32)
     with in_words(device):
         answer = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, bits.nbytes)
-        kernel(device, ["registers"], "float32", None, "registers", [None])(device.queue, (1,), None, answer)
+        kernel(device, ["registers"], "float32", None, "registers").launch(device, (1,), None, {"bits": answer})
         cl.enqueue_copy(device.queue, bits, answer)
     return int(bits[0])

@@ -7,21 +7,10 @@ from typing import Any
 import pyopencl as cl
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.orderings.ordering import Ordering
 from persfs_cl._cl.registers import register_bits
-from persfs_cl._cl.tuning import Tuning
 
 _OF_NOTE = ("cl_khr_fp64", "cl_khr_fp16", "cl_khr_subgroups", "cl_khr_il_program", "cl_khr_int64_base_atomics")
-_WITHOUT_VECTORS = ("wavefront_tiles", "checkerboard")
-"""What a device without wide vectors gets in place of strips and bands."""
-_REASONS = {
-    "lexicographic": "One work-item follows the paper's loops, cell by cell.",
-    "wavefront_tiles": "Many work-items go along the diagonals of a tile, which suits a GPU.",
-    "wavefront_images": "A small image fits into the cache of one processor, which takes it through all its sweeps.",
-    "wavefront_strips": "A large image is shared out to the processors in strips, which vectors run along.",
-    "checkerboard": "All cells of a colour at a time, a work-item each, which suits a GPU.",
-    "checkerboard_bands": "The processors take bands of rows that fit into their caches, in vectors.",
-    "three_colours": "At second order a cell reads two neighbours on every side, for which two colours do not suffice.",
-}
 
 
 def facts(device: Device) -> dict[str, Any]:
@@ -44,11 +33,11 @@ def facts(device: Device) -> dict[str, Any]:
     }
 
 
-def explain(device: Device, tuning: Tuning) -> str:
-    """Why a device is given this tuning, in a sentence."""
-    reason, bits = _REASONS[tuning.variant], register_bits(device)
-    if tuning.lanes > 1:
-        return f"{reason[:-1]}; {tuning.lanes} cells are a vector, as its compiler's registers have {bits} bits."
-    if not bits and tuning.variant in _WITHOUT_VECTORS:
+def explain(device: Device, ordering: Ordering) -> str:
+    """Why a device is given this ordering, in a sentence."""
+    reason, bits = ordering.reason, register_bits(device)
+    if ordering.lanes > 1:
+        return f"{reason[:-1]}; {ordering.lanes} cells are a vector, as its compiler's registers have {bits} bits."
+    if not bits and ordering.for_want_of_vectors:
         return f"{reason[:-1]}; its compiler names no vector registers, so that it gets no vectors."
     return reason

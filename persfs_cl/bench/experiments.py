@@ -9,8 +9,13 @@ from itertools import product
 from pathlib import Path
 
 from persfs_cl._cl.cache import cache_folders
+from persfs_cl._cl.orderings import ordering_for
+from persfs_cl._cl.orderings.checkerboard import Checkerboard
+from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
+from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
+from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
 from persfs_cl._cl.registers import lanes
-from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench import fresh
 from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, lamp, reflectance
 from persfs_cl.bench.alternatives import weno
@@ -24,7 +29,6 @@ from persfs_cl.bench.subjects import (
     Subject,
     iterations,
     smooth_problem,
-    steps_by_sweeps,
     sweeper,
     sweeps_alone,
 )
@@ -46,7 +50,7 @@ def orderings(plan: Plan) -> Iterator[list[Record]]:
         problem = smooth_problem(size, scheme)
         for ordering in plan.orderings:
             sweeps = sweeper(plan.device, problem, ordering, precision)
-            if steps_by_sweeps(sweeps):
+            if sweeps.ordering.single_sweeps:
                 subjects.append(sweeps_alone(_named(ordering, scheme), plan.device, sweeps, problem))
             subjects.append(iterations(_named(f"{ordering}, iterations", scheme), sweeps, problem))
     yield measured(plan, "orderings", size, precision, [*subjects, *peers]) + skipped
@@ -93,30 +97,30 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
         # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
         subjects: dict[str, Subject] = {}
         for ordering, candidates in _candidates(plan, size).items():
-            chosen = Tuning.of(plan.device, ordering, plan.precision, (size, size), 1)
-            for tuning in (chosen, *candidates):
-                sweeps = sweeper(plan.device, problem, ordering, plan.precision, tuning)
+            chosen = ordering_for(ordering, Workload(plan.device, plan.precision, (size, size), 1))
+            for candidate in (chosen, *candidates):
+                sweeps = sweeper(plan.device, problem, candidate, plan.precision)
                 subject = iterations("", sweeps, problem)
-                name, detail = _named(subject.detail, scheme), "chosen" if tuning is chosen else ""
+                name, detail = _named(subject.detail, scheme), "chosen" if candidate is chosen else ""
                 subjects.setdefault(name, replace(subject, name=name, detail=detail))
         yield measured(plan, "tunings", size, plan.precision, subjects.values())
 
 
-def _candidates(plan: Plan, size: int) -> dict[str, list[Tuning]]:
-    """By ordering, the tunings asked for that it may have on the device."""
+def _candidates(plan: Plan, size: int) -> dict[str, list[Ordering]]:
+    """By name, the orderings asked for that it may have on the device."""
     wide = lanes(plan.device, plan.precision)
     # Few groups of one item suit processors, which run it at full speed.
     groups = plan.groups() if wide > 1 else ()
     strips = product(plan.strip_rows, groups)
     bands = product(plan.widths(), plan.heights(size), groups)
-    candidates = {
+    candidates: dict[str, list[Ordering]] = {
         "wavefront": [
-            *(Tuning("wavefront_strips", wide, strip_rows=rows, work_groups=count) for rows, count in strips),
-            *(Tuning("wavefront_tiles", tile=tile) for tile in plan.tiles),
+            *(WavefrontStrips(wide, vectors=rows // wide, work_groups=count) for rows, count in strips),
+            *(WavefrontTiles(tile=tile) for tile in plan.tiles),
         ],
         "checkerboard": [
-            *(Tuning("checkerboard_bands", width, band_rows=rows, work_groups=count) for width, rows, count in bands),
-            *(Tuning("checkerboard", width) for width in plan.widths()),
+            *(CheckerboardBands(width, band_rows=rows, work_groups=count) for width, rows, count in bands),
+            *(Checkerboard(width) for width in plan.widths()),
         ],
     }
     return {ordering: candidates[ordering] for ordering in plan.orderings if ordering in candidates}

@@ -16,7 +16,7 @@ from typing import Any
 
 import persfs_cl as ps
 from persfs_cl.bench.subjects import smooth_image
-from persfs_cl.choices import Ordering, Precision
+from persfs_cl.choices import Precision
 from persfs_cl.errors import PersfsError
 
 _ITERATIONS = 4
@@ -55,7 +55,7 @@ def child_environment(more: Mapping[str, str]) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": search, **more}
 
 
-def compilation(device: int, ordering: Ordering, precision: Precision) -> dict[str, float]:
+def compilation(device: int, ordering: str, precision: Precision) -> dict[str, float]:
     """Seconds of the first reconstruction in this process, and of the second, of a tiny image."""
     first, second = (_seconds(16, device, ordering, precision) for _ in range(2))
     return {"first": first, "second": second}
@@ -69,7 +69,7 @@ def memory(device: int, size: int, precision: Precision) -> dict[str, float]:
     return {"before": before, "peak": peak_memory()}
 
 
-def _seconds(size: int, device: int, ordering: Ordering, precision: Precision) -> float:
+def _seconds(size: int, device: int, ordering: str, precision: Precision) -> float:
     image, camera = smooth_image(size), ps.Camera(float(size))
     began = time.perf_counter()
     ps.reconstruct(

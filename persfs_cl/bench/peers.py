@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl._cl.launches import DIRECTIONS, Grid
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.run import DIRECTIONS
 from persfs_cl.bench import lexicographic
 from persfs_cl.errors import UnavailableError
 from persfs_cl.solver.problem import Problem
@@ -38,7 +39,7 @@ class Peer:
     log_depth : ndarray, shape (height, width)
         Changed in place.
     sweep : callable
-        Takes the direction, 0 to 3, as :data:`persfs_cl._cl.launches.DIRECTIONS` has them.
+        Takes the direction, 0 to 3, as :data:`persfs_cl._cl.run.DIRECTIONS` has them.
     detail : str
         How it was made.
     """
@@ -53,12 +54,12 @@ class Peer:
             self.sweep(number % 4)
 
 
-def plain_c(grid: Grid, precision: str) -> Peer:
+def plain_c(image: Image, precision: str) -> Peer:
     """The plain double loop in C, compiled on the spot.
 
     Parameters
     ----------
-    grid : Grid
+    image : Image
         With every pixel on the frame known.
     precision : {"float32", "float64"}
 
@@ -68,7 +69,7 @@ def plain_c(grid: Grid, precision: str) -> Peer:
         When there is no C compiler, or it fails.
     """
     function, detail = _compiled(precision)
-    arrays = _arrays(grid, precision)
+    arrays = _arrays(image, precision)
 
     def sweep(number: int) -> None:
         function(*(array.ctypes.data for array in arrays), *arrays[0].shape, *DIRECTIONS[number])
@@ -76,7 +77,7 @@ def plain_c(grid: Grid, precision: str) -> Peer:
     return Peer(arrays[0], sweep, detail)
 
 
-def numba_loop(grid: Grid, precision: str) -> Peer:
+def numba_loop(image: Image, precision: str) -> Peer:
     """The same double loop in Python, compiled by numba.
 
     Raises
@@ -85,7 +86,7 @@ def numba_loop(grid: Grid, precision: str) -> Peer:
         When numba is not installed.
     """
     function, detail = _jitted()
-    arrays = _arrays(grid, precision)
+    arrays = _arrays(image, precision)
     # As numbers of the arrays' own type, since a literal would make everything double.
     one, half = arrays[0].dtype.type(1), arrays[0].dtype.type(0.5)
 
@@ -101,14 +102,14 @@ def numpy_diagonals(problem: Problem) -> Peer:
     return Peer(judge.log_depth, lambda number: judge.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64")
 
 
-def _arrays(grid: Grid, precision: str) -> list[NDArray[np.floating]]:
+def _arrays(image: Image, precision: str) -> list[NDArray[np.floating]]:
     """What both loops take, each a C-contiguous copy."""
     given = (
-        grid.log_depth,
-        grid.marked_brightness(slice(None)),
-        grid.x_axis,
-        grid.y_axis,
-        np.asarray(grid.parameters),
+        image.log_depth,
+        image.marked_brightness(slice(None)),
+        image.x_axis,
+        image.y_axis,
+        tuple(image.parameters.values()),
     )
     return [np.array(array, precision, order="C") for array in given]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.registers import lanes
-from persfs_cl._cl.tuning import LANES
-from persfs_cl.choices import Ordering, Precision, Scheme
+from persfs_cl._cl.orderings import ORDERINGS
+from persfs_cl._cl.registers import LANES, lanes
+from persfs_cl.choices import Precision, Scheme
 
 STANDARD_SIZES = (128, 256, 512, 1024, 2048, 4096)
 _STANDARD_SIZE = 2048
@@ -44,7 +44,7 @@ class Plan:
     device: Device
     sizes: tuple[int, ...] | None = None
     batch: tuple[int, ...] = (1, 4, 16, 64)
-    orderings: tuple[Ordering, ...] = ("wavefront", "checkerboard", "lexicographic")
+    orderings: tuple[str, ...] = tuple(ORDERINGS)
     schemes: tuple[Scheme, ...] | None = None
     precision: Precision = "float32"
     repeats: int = 5

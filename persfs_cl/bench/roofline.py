@@ -13,7 +13,6 @@ from persfs_cl.bench.subjects import (
     Subject,
     iterations,
     smooth_problem,
-    steps_by_sweeps,
     sweeper,
     sweeps_alone,
 )
@@ -49,7 +48,7 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     subjects: dict[str, Subject] = {}
     for ordering in plan.orderings:
         sweeps = sweeper(device, problem, ordering, plan.precision)
-        alone = steps_by_sweeps(sweeps)
+        alone = sweeps.ordering.single_sweeps
         subjects[ordering] = (
             sweeps_alone(ordering, device, sweeps, problem) if alone else iterations(ordering, sweeps, problem)
         )

@@ -15,7 +15,6 @@ from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.timing import Timing, take_turns
-from persfs_cl.choices import Ordering
 from persfs_cl.errors import UnavailableError
 
 TIME = "time"
@@ -90,7 +89,7 @@ def solutions(plan: Plan) -> Iterator[list[Record]]:
         yield records + skipped
 
 
-def _reconstruct(plan: Plan, scene: ps.Scene, ordering: Ordering, **keywords: Any) -> Outcome:
+def _reconstruct(plan: Plan, scene: ps.Scene, ordering: str, **keywords: Any) -> Outcome:
     solution = ps.reconstruct(
         scene.image,
         scene.camera,

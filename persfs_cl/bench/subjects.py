@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.orderings.ordering import Ordering
 from persfs_cl._cl.probes import device_seconds
-from persfs_cl._cl.tuning import Tuning
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench.timing import Work
 from persfs_cl.camera import Camera
 from persfs_cl.shading.parallel_light import ParallelLight
@@ -75,9 +75,8 @@ def swept_cells(problem: Problem) -> int:
 def sweeper(
     device: Device,
     problem: Problem,
-    ordering: str,
+    ordering: str | Ordering,
     precision: str,
-    tuning: Tuning | None = None,
     *,
     images: int = 1,
 ) -> Sweeper:
@@ -89,7 +88,6 @@ def sweeper(
         ordering=ordering,
         precision=precision,
         tolerance=_NEVER,
-        tuning=tuning,
     )
 
 
@@ -116,25 +114,4 @@ def sweeps_alone(name: str, device: Device, sweeps: Sweeper, problem: Problem) -
 def _subject(name: str, work: Work, sweeps: Sweeper, problem: Problem, *, step: int) -> Subject:
     like_plain_c = problem.scheme == LaxFriedrichs()
     cells = swept_cells(problem) * sweeps.count
-    return Subject(name, work, cells, described(sweeps.tuning), step=step, like_plain_c=like_plain_c)
-
-
-def steps_by_sweeps(sweeps: Sweeper) -> bool:
-    """Whether single sweeps can be queued: one variant runs whole iterations only."""
-    return sweeps.tuning.variant != "wavefront_images"
-
-
-def described(tuning: Tuning) -> str:
-    """A tuning in words."""
-    parts = [tuning.variant]
-    if tuning.lanes > 1:
-        parts.append(f"{tuning.lanes} lanes")
-    if tuning.in_strips:
-        parts.append(f"rows: {tuning.strip_rows}")
-    if tuning.variant == "checkerboard_bands":
-        parts.append(f"rows: {tuning.band_rows}")
-    if tuning.variant == "wavefront_tiles":
-        parts.append("{} × {}".format(*tuning.tile))
-    if tuning.variant in ("wavefront_strips", "wavefront_images", "checkerboard_bands"):
-        parts.append(f"groups: {tuning.work_groups}")
-    return ", ".join(parts)
+    return Subject(name, work, cells, str(sweeps.ordering), step=step, like_plain_c=like_plain_c)

@@ -13,10 +13,9 @@ from typing import Annotated, Any, TypeVar
 import typer
 from rich.console import Console
 
-from persfs_cl._cl.registers import WIDEST
+from persfs_cl._cl.registers import LANES, WIDEST
 from persfs_cl._cl.registers import lanes as lanes_of
 from persfs_cl._cl.selection import select_device
-from persfs_cl._cl.tuning import LANES
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import SCHEMES, STANDARD_SIZES, Plan
 from persfs_cl.bench.plots import draw

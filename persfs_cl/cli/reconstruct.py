@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from persfs_cl.choices import Boundary, Ordering, Scheme, Surface
+from persfs_cl._cl.orderings import ORDERINGS
+from persfs_cl.choices import Boundary, Scheme, Surface
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
@@ -44,6 +45,13 @@ from persfs_cl.preparation.prepare import Highlights, Normalise
 from persfs_cl.solver.options import complete
 
 _PHOTO, _REGION, _SOLVER = "Brightness of the photo", "Region and known values", "Solver"
+
+
+def _known_ordering(name: str) -> str:
+    """Refuse what is not in the registry."""
+    if name not in ORDERINGS:
+        raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, ORDERINGS))}.")
+    return name
 
 
 def _odd(value: int) -> int:
@@ -232,7 +240,14 @@ def reconstruct(
         ),
     ] = "auto",
     ordering: Annotated[
-        Ordering, typer.Option(help="Order of the pixels in a sweep.", rich_help_panel=_SOLVER)
+        str,
+        typer.Option(
+            metavar=f"<{'|'.join(ORDERINGS)}>",
+            autocompletion=lambda: list(ORDERINGS),
+            help="Order of the pixels in a sweep.",
+            callback=_known_ordering,
+            rich_help_panel=_SOLVER,
+        ),
     ] = "wavefront",
     accuracy_order: Annotated[
         int,

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.scenes.analytic import Scene
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
@@ -103,7 +104,7 @@ def _problem(scene: Scene) -> Problem:
     return prepare(scene.image, scene.camera, scene.mask, None, scene.known_depth, options=options)
 
 
-def _iterated(device: Device, problem: Problem, grid: Grid) -> Array:
+def _iterated(device: Device, problem: Problem, grid: Image) -> Array:
     # In double precision: C may lie far above the relief.
     precision = "float64" if device.has_float64 else "float32"
     sweeper = Sweeper(

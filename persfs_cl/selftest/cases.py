@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
+from persfs_cl.choices import Boundary, Precision, Scheme, Surface
 from persfs_cl.selftest.scenes import EVEN, FLASH, FRONTAL, LAMP, OBLIQUE
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
@@ -16,7 +16,7 @@ from persfs_cl.shading.reflectance import Reflectance
 
 Kind = Literal["sweeps", "shared image", "second order", "render", "rate", "copy"]
 
-ORDERINGS: tuple[Ordering, ...] = ("lexicographic", "wavefront", "checkerboard")
+ORDERINGS = ("lexicographic", "wavefront", "checkerboard")
 """The first gives the bits that the second must have."""
 PRECISIONS = get_args(Precision)
 
@@ -50,7 +50,7 @@ class Case:
 
     kind: Kind
     precision: Precision
-    ordering: Ordering | Literal[""] = ""
+    ordering: str = ""
     light: str = "oblique light"
     material: str = "Lambertian"
     scheme: Scheme = "lax-friedrichs"

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Sweeper
 from persfs_cl._cl.probes import copier, device_seconds
 from persfs_cl._cl.selftest import explain
-from persfs_cl.bench.subjects import described, iterations, smooth_problem
+from persfs_cl._cl.sweeper import Sweeper
+from persfs_cl.bench.subjects import iterations, smooth_problem
 from persfs_cl.bench.subjects import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.analytic import bumps
 from persfs_cl.selftest.cases import Case
@@ -239,7 +239,7 @@ class Checks:
         return sweeper
 
     def _describe(self, sweeper: Sweeper, outcome: Outcome) -> None:
-        outcome.kernel, outcome.reason = described(sweeper.tuning), explain(self.device, sweeper.tuning)
+        outcome.kernel, outcome.reason = str(sweeper.ordering), explain(self.device, sweeper.ordering)
 
     def _first_runs(self, sweeper: Sweeper, outcome: Outcome) -> NDArray[np.float64]:
         """Two iterations. Some drivers compile a kernel when it is launched: the first tells how long that took."""

@@ -16,8 +16,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
+from persfs_cl._cl import probes, rendering
 from persfs_cl.bench.fresh import child_environment
 from persfs_cl.selftest.cases import Case, cases
+from persfs_cl.solver.schemes import SCHEMES
 
 Show = Callable[[str], None]
 """Is told what is being done."""
@@ -205,12 +207,11 @@ class _Child:
 def _kernels(case: Case) -> str:
     """The program in the words of its files: the last of the model and the scheme, precision and ordering."""
     if case.kind == "copy":
-        return "roofline"
+        return probes.KERNEL_FILE
     if case.kind == "render":
-        return f"render in {case.precision}"
-    scheme = {"lax-friedrichs": "lax_friedrichs"}.get(case.scheme, case.scheme)
-    if case.scheme == "upwind":
-        scheme += {"flash": "_flash", "lamp off the axis": "_beside"}.get(case.light, "")
+        return f"{rendering.KERNEL_FILE} in {case.precision}"
+    solved_by = SCHEMES[case.scheme]
+    scheme = solved_by.kernels(solved_by.model(case.light_source, case.reflectance))[-1]
     order = " at second order" if case.kind == "second order" else ""
     return f"{scheme}{order} in {case.precision}: {case.ordering}"
 

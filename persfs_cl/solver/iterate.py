@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Status
@@ -32,7 +33,7 @@ class Run:
     The values of `grids` are those that the iteration has reached.
     """
 
-    grids: list[Grid]
+    grids: list[Image]
     changes: list[list[float]]
     statuses: list[Status]
     variant: str
@@ -72,11 +73,6 @@ class Run:
         places = range(len(self.grids)) if corrected is None else corrected
         done = max(map(len, self.changes))
         most = options["max_iterations"]
-        if corrected is not None and not only_lower:
-            # Where the surface is smooth this is ample; what still changes is decided one way or the other. The
-            # checkerboard, which carries values some pixels in an iteration, has to carry corrections back and forth.
-            turns = 8 if options["ordering"] == "checkerboard" else 2
-            most = min(most, done + max(_FREE_CORRECTIONS, turns * done))
         if not places or done >= most:
             for place in places:
                 self.statuses[place] = Status.MAX_ITERATIONS
@@ -94,7 +90,10 @@ class Run:
             only_lower=only_lower,
         )
         self.build_seconds += time.perf_counter() - began
-        self.variant = sweeper.tuning.variant
+        if corrected is not None and not only_lower:
+            # Where the surface is smooth this is ample; what still changes is decided one way or the other.
+            most = min(most, done + max(_FREE_CORRECTIONS, sweeper.ordering.corrections * done))
+        self.variant = sweeper.variant
         changes, statuses = _iterate(sweeper, most, options["tolerance"], callback, done)
         self.kernel_seconds += sweeper.kernel_seconds
         sweeper.copy_log_depth(self.grids[place].log_depth for place in places)

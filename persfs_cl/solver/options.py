@@ -14,8 +14,9 @@ from typing import Annotated, Any, TypedDict, TypeVar, cast, get_args, get_origi
 import numpy as np
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl.checks import brief, finite_number
-from persfs_cl.choices import Boundary, Ordering, Precision, Surface
+from persfs_cl.choices import Boundary, Precision, Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.light import require_light
@@ -134,7 +135,7 @@ def _schemes() -> Sequence[str]:
 
 
 def _orderings() -> Sequence[str]:
-    return get_args(Ordering)
+    return list(ORDERINGS)
 
 
 _IS_SURFACE, _SURFACES = _words(Surface)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import masks
-from persfs_cl._cl.launches import Grid
+from persfs_cl._cl.image import Image
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
 from persfs_cl.checks import to_float64
@@ -109,11 +109,11 @@ class Problem:
         return start
 
     @property
-    def numbers(self) -> Grid:
+    def numbers(self) -> Image:
         """The problem as the kernels want it."""
         x_axis, y_axis = self.model.axes(self.grid)
         boundary = self.domain.boundary
-        return Grid(
+        return Image(
             log_depth=self.start,
             brightness=self.shading,
             flags=self.domain.flags,

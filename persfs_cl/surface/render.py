@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl._cl import launches
+from persfs_cl._cl import rendering
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera, require_camera
@@ -112,7 +112,7 @@ def render(
         flags[:, 1:][cuts.right] |= NO_LEFT
         flags[:-1][cuts.down] |= NO_DOWN
         flags[1:][cuts.down] |= NO_UP
-    image = launches.render(
+    image = rendering.render(
         select_device(device),
         model.kernels,
         precision,

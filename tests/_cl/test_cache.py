@@ -20,7 +20,8 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl import cache
 from persfs_cl._cl import program as program_module
-from persfs_cl._cl.program import kernel, program
+from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.program import program
 from persfs_cl._cl.selection import select_device
 
 RENDER = "import persfs_cl as ps; s = ps.vase((9, 9)); print(ps.render(s.depth, s.camera).sum())"
@@ -106,7 +107,7 @@ def test_a_kernel_that_cannot_be_prepared_is_an_error_of_the_package(monkeypatch
     monkeypatch.setattr(cl, "_PYOPENCL_NO_CACHE", False)
     monkeypatch.setattr(cl, "Kernel", refuse)
     with pytest.raises(ps.KernelBuildError, match=r"renew_boundary cannot be prepared \(OSError: no room\)"):
-        kernel(device, ["boundary", "renew"], "float32", constants, "renew_boundary", [])
+        kernel(device, ["boundary", "renew"], "float32", constants, "renew_boundary")
 
 
 @pytest.mark.parametrize("variable", ["POCL_CACHE_DIR", "XDG_CACHE_HOME"])

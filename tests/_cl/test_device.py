@@ -19,10 +19,19 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl import device as device_module
 from persfs_cl._cl import selection
-from persfs_cl._cl.program import kernel, program
+from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.orderings import ordering_for
+from persfs_cl._cl.orderings.checkerboard import Checkerboard
+from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
+from persfs_cl._cl.orderings.lexicographic import Lexicographic
+from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.three_colours import ThreeColours
+from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
+from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
+from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
+from persfs_cl._cl.program import program
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.selection import select_device
-from persfs_cl._cl.tuning import Tuning
 from persfs_cl.shading.model import Light
 
 
@@ -172,10 +181,10 @@ def test_vectors_are_as_wide_as_the_registers_of_the_compiler(
     monkeypatch.setattr(device, "has_float64", True)
     for precision, wide in (("float32", single), ("float64", double)):
         assert lanes(device, precision) == wide
-        for ordering, for_gpus in (("wavefront", "wavefront_tiles"), ("checkerboard", "checkerboard")):
-            tuning = Tuning.of(device, ordering, precision, (700, 800), 1)
-            assert tuning.lanes == wide
-            assert (tuning.variant == for_gpus) == (wide == 1)
+        for name, for_gpus in (("wavefront", WavefrontTiles), ("checkerboard", Checkerboard)):
+            ordering = ordering_for(name, Workload(device, precision, (700, 800), 1))
+            assert ordering.lanes == wide
+            assert (type(ordering) is for_gpus) == (wide == 1)
 
 
 def test_contexts_and_programs_are_made_once() -> None:
@@ -198,11 +207,10 @@ def test_a_program_without_its_kernel_is_an_error_of_ours(monkeypatch: pytest.Mo
     def refuse(*_: object) -> None:
         raise cl.LogicError("clCreateKernel failed: INVALID_KERNEL_NAME")
 
-    device = select_device()
-    program(device, ["boundary", "renew"], "float32")
+    device, constants = select_device(), {"ONLY_IN_THE_TEST_OF_HALF_A_PROGRAM": 1}
     monkeypatch.setattr(cl, "Kernel", refuse)
     with pytest.raises(ps.DeviceError, match=r"INVALID_KERNEL_NAME.*devices --check"):
-        kernel(device, ["boundary", "renew"], "float32", None, "not there", [None])
+        kernel(device, ["boundary", "renew"], "float32", constants, "renew_boundary")
 
 
 def test_a_missing_kernel_file_says_to_reinstall() -> None:
@@ -217,20 +225,11 @@ def fields(light: Light) -> list[str]:
 
 def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> None:
     wide = lanes(device, precision)
-    for variant, width in (
-        ("lexicographic", 1),
-        ("wavefront_tiles", 1),
-        ("wavefront_strips", wide),
-        ("wavefront_images", wide),
-        ("checkerboard", 1),
-        ("checkerboard", wide),
-        ("checkerboard_bands", wide),
-    ):
-        if width == 1 and variant not in ("lexicographic", "wavefront_tiles", "checkerboard"):
-            continue
-        tuning = Tuning(variant, width, width)
-        kernels = ["light_cone", "parallel_light", "lax_friedrichs", *tuning.kernels]
-        program(device, kernels, precision, tuning.definitions, fields(ps.ParallelLight()))
+    by_cells: list[Ordering] = [Lexicographic(), WavefrontTiles(), Checkerboard(), ThreeColours()]
+    by_vectors = [kind(wide) for kind in (WavefrontStrips, WavefrontImages, Checkerboard, CheckerboardBands)]
+    for ordering in [*by_cells, *(by_vectors if wide > 1 else [])]:
+        kernels = ["light_cone", "parallel_light", "lax_friedrichs", *ordering.kernels]
+        program(device, kernels, precision, ordering.definitions, fields(ps.ParallelLight()))
     flash = ["elementary", "lambertian", "flash_light", "steepness", "upwind_flash"]
     parallel = ["light_cone", "parallel_light", "climb", "upwind"]
     headlight = ["elementary", "lambertian", "headlight", "climb", "upwind"]
@@ -242,11 +241,9 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         ps.FlashLight(offset=(0.1, 0.0, 0.0)),
     )
     for light, scheme in zip(lights, (parallel, headlight, flash, beside), strict=True):
-        for variant, width in (("wavefront_strips", wide), ("wavefront_tiles", 1)):
-            if width == 1 and variant == "wavefront_strips":
-                continue
-            tuning = Tuning(variant, width, width, second_order=True)
-            program(device, [*scheme, *tuning.kernels], precision, tuning.definitions, fields(light))
+        second: list[Ordering] = [WavefrontTiles(second_order=True)]
+        for ordering in [*second, *([WavefrontStrips(wide, vectors=1, second_order=True)] if wide > 1 else [])]:
+            program(device, [*scheme, *ordering.kernels], precision, ordering.definitions, fields(light))
     program(device, ["light_cone", "parallel_light", "render"], precision, None, fields(ps.ParallelLight()))
 
 

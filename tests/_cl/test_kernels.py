@@ -12,10 +12,18 @@ import pytest
 from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, fitted, random_problem, sweeper
 
 from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
-from persfs_cl._cl import launches
-from persfs_cl._cl.launches import DIRECTIONS, Sweeper
+from persfs_cl._cl.orderings import checkerboard_bands
+from persfs_cl._cl.orderings.checkerboard import Checkerboard
+from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
+from persfs_cl._cl.orderings.lexicographic import Lexicographic
+from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.orderings.strips import Strips
+from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
+from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
+from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
 from persfs_cl._cl.program import kernel_names, kernel_source
-from persfs_cl._cl.tuning import Tuning
+from persfs_cl._cl.run import DIRECTIONS
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.choices import Boundary, Surface
 from persfs_cl.shading.equations import ParallelEquation
 from persfs_cl.solver.problem import Problem
@@ -187,53 +195,60 @@ def test_wavefront_gives_the_bits_of_lexicographic_by_any_kernels(device: Device
 
 
 # Each height is a program of its own: the lowest, and what CPUs get.
-STRIPS = {(rows, groups): Tuning("wavefront_strips", 8, rows, groups) for rows in (8, 24) for groups in (1, 2, 3, 4)}
-IMAGES = {(rows, groups): Tuning("wavefront_images", 8, rows, groups) for rows in (8, 24) for groups in (1, 3)}
+STRIPS = {
+    (vectors, groups): WavefrontStrips(8, vectors=vectors, work_groups=groups)
+    for vectors in (1, 3)
+    for groups in (1, 2, 3, 4)
+}
+IMAGES = {
+    (vectors, groups): WavefrontImages(8, vectors=vectors, work_groups=groups)
+    for vectors in (1, 3)
+    for groups in (1, 3)
+}
 BANDS = [
-    Tuning("checkerboard_bands", 8, work_groups=groups, polls=polls, band_rows=rows)
+    CheckerboardBands(8, band_rows=rows, work_groups=groups, polls=polls)
     for rows, groups, polls in ((1, 1, 4000), (2, 2, 4000), (1, 3, 4000), (5, 4, 4000), (3, 2, 1))
 ]
 # What processors with narrower registers get.
-NARROW_STRIPS = [
-    Tuning(variant, lanes, vectors * lanes, 2)
-    for variant, lanes, vectors in (
-        ("wavefront_strips", 2, 3),
-        ("wavefront_strips", 4, 3),
-        ("wavefront_images", 2, 1),
-        ("wavefront_images", 4, 3),
-    )
+NARROW_STRIPS: list[Strips] = [
+    WavefrontStrips(2, vectors=3, work_groups=2),
+    WavefrontStrips(4, vectors=3, work_groups=2),
+    WavefrontImages(2, vectors=1, work_groups=2),
+    WavefrontImages(4, vectors=3, work_groups=2),
 ]
-NARROW_BANDS = [Tuning("checkerboard_bands", lanes, work_groups=2, band_rows=3) for lanes in (2, 4)]
-TILES, CHECKERBOARD, LEXICOGRAPHIC = Tuning("wavefront_tiles"), Tuning("checkerboard"), Tuning("lexicographic")
+NARROW_BANDS = [CheckerboardBands(lanes, band_rows=3, work_groups=2) for lanes in (2, 4)]
+TILES, CHECKERBOARD, LEXICOGRAPHIC = WavefrontTiles(), Checkerboard(), Lexicographic()
 
 
 @pytest.mark.parametrize(
-    "tuning",
-    [TILES, Tuning("wavefront_tiles", tile=(8, 16)), *STRIPS.values(), *IMAGES.values(), *NARROW_STRIPS],
+    "ordering",
+    [TILES, WavefrontTiles(tile=(8, 16)), *STRIPS.values(), *IMAGES.values(), *NARROW_STRIPS],
     ids=str,
 )
-def test_every_tuning_gives_the_bits_of_lexicographic(device: Device, precision: str, tuning: Tuning) -> None:
+def test_all_sizes_give_the_bits_of_lexicographic(device: Device, precision: str, ordering: Ordering) -> None:
     """Over random sizes, masks and lights, and often enough for a race between work-groups to show."""
     for name in ("frontal away", "frontal toward"):
-        assert_tuning_gives_the_bits(device, precision, tuning, name, largest=140)
+        assert_lexicographic_bits(device, precision, ordering, name, largest=140)
 
 
 # Both precisions of these kernels go through strips, above, and of these variants through the test before.
-@pytest.mark.parametrize("tuning", [TILES, IMAGES[24, 3]], ids=lambda t: t.variant)
+@pytest.mark.parametrize("ordering", [TILES, IMAGES[3, 3]], ids=lambda ordering: ordering.file)
 @pytest.mark.parametrize("name", KERNELS)
 def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
-    device: Device, tuning: Tuning, name: str
+    device: Device, ordering: Ordering, name: str
 ) -> None:
-    assert_tuning_gives_the_bits(device, "float32", tuning, name, largest=60)
+    assert_lexicographic_bits(device, "float32", ordering, name, largest=60)
 
 
 # Each height is a program of its own, which takes long to compile.
 @pytest.mark.parametrize(
-    "tuning", [TILES, IMAGES[24, 3], *(STRIPS[24, groups] for groups in (1, 2, 3, 4)), NARROW_STRIPS[0]], ids=str
+    "ordering", [TILES, IMAGES[3, 3], *(STRIPS[3, groups] for groups in (1, 2, 3, 4)), NARROW_STRIPS[0]], ids=str
 )
-def test_tunings_give_the_bits_of_lexicographic_at_second_order(device: Device, precision: str, tuning: Tuning) -> None:
-    tuning = replace(tuning, second_order=True)
-    assert_tuning_gives_the_bits(device, precision, tuning, "upwind oblique toward", largest=140)
+def test_tunings_give_the_bits_of_lexicographic_at_second_order(
+    device: Device, precision: str, ordering: Ordering
+) -> None:
+    ordering = replace(ordering, second_order=True)
+    assert_lexicographic_bits(device, precision, ordering, "upwind oblique toward", largest=140)
 
 
 @pytest.mark.parametrize(("real", "only_lower"), [("float32", False), ("float64", True)])
@@ -243,24 +258,24 @@ def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
 ) -> None:
     if real == "float64" and not device.has_float64:
         pytest.skip(f"{device} has no double precision")
-    corrected = replace(STRIPS[8, 2], second_order=True, only_lower=only_lower)
-    assert_tuning_gives_the_bits(device, real, corrected, name, largest=60)
+    corrected = replace(STRIPS[1, 2], second_order=True, only_lower=only_lower)
+    assert_lexicographic_bits(device, real, corrected, name, largest=60)
 
 
-def assert_tuning_gives_the_bits(device: Device, precision: str, tuning: Tuning, name: str, *, largest: int) -> None:
-    plain = replace(LEXICOGRAPHIC, second_order=tuning.second_order, only_lower=tuning.only_lower)
-    random = np.random.default_rng(len(tuning.variant) + tuning.strip_rows // 8 + 10 * tuning.work_groups)
+def assert_lexicographic_bits(device: Device, precision: str, ordering: Ordering, name: str, *, largest: int) -> None:
+    plain = replace(LEXICOGRAPHIC, second_order=ordering.second_order, only_lower=ordering.only_lower)
+    random = np.random.default_rng(sum(map(ord, str(ordering))))
     for seed in range(2):
         height, width = random.integers(1, largest, 2)
         shape = (int(height), int(width) + 1)
         problem = random_problem(seed, shape, boundary="wall", holes=0.05 * seed, **(SETUPS | HEADLIGHT)[name])
-        if tuning.second_order:
+        if ordering.second_order:
             problem = with_first_order(problem, device)
-        one = sweeper(problem, device, precision, "lexicographic", tuning=plain)
+        one = sweeper(problem, device, precision, plain)
         expected_changes = one.run(3)
         assert expected_changes.any() or not problem.domain.solved.any(), "something must have moved"
         for _ in range(3):
-            other = sweeper(problem, device, precision, "wavefront", tuning=tuning)
+            other = sweeper(problem, device, precision, ordering)
             np.testing.assert_array_equal(other.run(3), expected_changes)
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
@@ -272,16 +287,14 @@ def with_first_order(problem: Problem, device: Device) -> Problem:
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
-@pytest.mark.parametrize(
-    "tuning", [*(Tuning("checkerboard", lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str
-)
+@pytest.mark.parametrize("ordering", [*(Checkerboard(lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str)
 def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
-    device: Device, precision: str, tuning: Tuning
+    device: Device, precision: str, ordering: Ordering
 ) -> None:
     """Some groups give up at once, as if the others had lost their processors."""
     for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]):
         problem = random_problem(seed, shape, light=OBLIQUE, boundary=("outflow", "wall")[seed % 2])
-        assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, tuning)
+        assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, ordering)
 
 
 @pytest.mark.parametrize("name", KERNELS)
@@ -292,16 +305,16 @@ def test_checkerboard_is_the_same_by_any_kernels(device: Device, name: str) -> N
 
 
 def assert_checkerboard_gives_the_bits_of_cells(
-    problem: Problem, device: Device, precision: str, tuning: Tuning
+    problem: Problem, device: Device, precision: str, ordering: Ordering
 ) -> None:
-    by_cells = sweeper(problem, device, precision, "checkerboard", tuning=CHECKERBOARD)
+    by_cells = sweeper(problem, device, precision, CHECKERBOARD)
     # A whole iteration, single sweeps, and iterations of which several share a launch.
     expected = [by_cells.run(1)]
     for number in range(4):
         by_cells.sweep(number)
     expected.append(by_cells.run(7))
     for _ in range(3):
-        other = sweeper(problem, device, precision, "checkerboard", tuning=tuning)
+        other = sweeper(problem, device, precision, ordering)
         changes = [other.run(1)]
         for number in range(4):
             other.sweep(number)
@@ -311,35 +324,33 @@ def assert_checkerboard_gives_the_bits_of_cells(
 
 
 @pytest.mark.parametrize(
-    ("tuning", "name"),
+    ("ordering", "name"),
     [
         *[
-            (tuning, "frontal away")
-            for tuning in (TILES, STRIPS[8, 3], IMAGES[8, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
+            (ordering, "frontal away")
+            for ordering in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
         ],
-        *[(tuning, "upwind flash") for tuning in BANDS],
-        *[(tuning, name) for tuning in (TILES, IMAGES[24, 3]) for name in ("upwind frontal away", "upwind flash")],
-        (STRIPS[24, 2], "upwind frontal away"),
+        *[(ordering, "upwind flash") for ordering in BANDS],
+        *[(ordering, name) for ordering in (TILES, IMAGES[3, 3]) for name in ("upwind frontal away", "upwind flash")],
+        (STRIPS[3, 2], "upwind frontal away"),
     ],
     ids=str,
 )
-def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuning: Tuning, name: str) -> None:
+def test_images_that_share_launches_do_not_touch_each_other(device: Device, ordering: Ordering, name: str) -> None:
     """Each has its own mask, boundary, known values, start and end."""
     boundary: Boundary = "wall" if name in UPWIND else "outflow"
     problems = [
         random_problem(seed, (45, 38), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
     ]
-    ordering = tuning.variant.split("_")[0]
 
     def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
         shared = Sweeper(
             device,
             [problem.numbers for problem in members],
             model=members[0].kernels,
-            ordering=ordering,
+            ordering=fitted(ordering, device, "float32"),
             precision="float32",
             tolerance=1e-3,
-            tuning=fitted(tuning, device, "float32"),
         )
         changes = np.concatenate([shared.run(count) for count in (1, 7, 60, 60, 60, 60)])
         return changes, shared.log_depth()
@@ -354,13 +365,12 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuni
     assert len(ends) > 1, "the images must end at different times"
 
 
-@pytest.mark.parametrize("tuning", [None, *BANDS], ids=str)
+@pytest.mark.parametrize("ordering", ["wavefront", *BANDS], ids=str)
 def test_an_image_rests_from_the_iteration_that_met_the_tolerance(
-    device: Device, precision: str, tuning: Tuning | None
+    device: Device, precision: str, ordering: str | Ordering
 ) -> None:
     problem = random_problem(1, (30, 30), boundary="wall")
-    ordering = "checkerboard" if tuning else "wavefront"
-    stepwise, queued = (sweeper(problem, device, precision, ordering, tolerance=0.01, tuning=tuning) for _ in range(2))
+    stepwise, queued = (sweeper(problem, device, precision, ordering, tolerance=0.01) for _ in range(2))
     changes: list[float] = []
     while not changes or changes[-1] > 0.01:
         changes.append(float(stepwise.run(1)[0, 0]))
@@ -373,18 +383,16 @@ def test_an_image_rests_from_the_iteration_that_met_the_tolerance(
     np.testing.assert_array_equal(stepwise.log_depth(), expected)
 
 
-@pytest.mark.parametrize("tuning", BANDS[1:3], ids=str)
+@pytest.mark.parametrize("ordering", BANDS[1:3], ids=str)
 def test_an_image_that_rests_does_so_in_the_launches_that_follow(
-    device: Device, tuning: Tuning, monkeypatch: pytest.MonkeyPatch
+    device: Device, ordering: Ordering, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = random_problem(1, (30, 30), boundary="wall")
-    one, several = (
-        sweeper(problem, device, "float32", "checkerboard", tolerance=0.01, tuning=tuning) for _ in range(2)
-    )
+    one, several = (sweeper(problem, device, "float32", ordering, tolerance=0.01) for _ in range(2))
     expected = one.run(100)
     rests_after = int(np.argmax(expected <= 0.01)) + 1
     assert 3 < rests_after < 90
-    monkeypatch.setattr(launches, "_LAUNCHED_CELLS", 3 * problem.shading.size)
+    monkeypatch.setattr(checkerboard_bands, "_LAUNCHED_CELLS", 3 * problem.shading.size)
     np.testing.assert_array_equal(several.run(100), expected)
     np.testing.assert_array_equal(several.log_depth(), one.log_depth())
 
@@ -411,24 +419,25 @@ def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int,
     problems = [random_problem(seed, (150, 90 + seed), boundary="wall", **setup) for seed in range(3)]
     if second_order:
         problems = [with_first_order(problem, device) for problem in problems]
-    impatient = Tuning("wavefront_strips", 8, 8, work_groups, polls=1, second_order=second_order)
+    impatient = WavefrontStrips(8, vectors=1, work_groups=work_groups, polls=1, second_order=second_order)
     plain = replace(LEXICOGRAPHIC, second_order=second_order)
     for problem in problems:
-        one = sweeper(problem, device, "float32", "lexicographic", tuning=plain)
+        one = sweeper(problem, device, "float32", plain)
         expected_changes = one.run(4)
         for _ in range(3):
-            other = sweeper(problem, device, "float32", "wavefront", tuning=impatient)
+            other = sweeper(problem, device, "float32", impatient)
             np.testing.assert_array_equal(other.run(4), expected_changes)
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
 
-@pytest.mark.parametrize("tuning", [STRIPS[8, 2], BANDS[1]], ids=lambda tuning: tuning.variant)
-def test_work_left_undone_is_an_error(device: Device, tuning: Tuning) -> None:
+@pytest.mark.parametrize("ordering", [STRIPS[1, 2], BANDS[1]], ids=lambda ordering: ordering.file)
+def test_work_left_undone_is_an_error(device: Device, ordering: Ordering) -> None:
     problem = random_problem(1, (40, 40), boundary="wall")
-    kernel = sweeper(problem, device, "float32", tuning.variant.split("_")[0], tuning=tuning)
-    wrong = np.full(kernel._sync_buffer.size // 4, 7, np.int32)
+    kernel = sweeper(problem, device, "float32", ordering)
+    sync = kernel._run.values["sync"]
+    wrong = np.full(sync.size // 4, 7, np.int32)
     wrong[0] = 0
-    cl.enqueue_copy(device.queue, kernel._sync_buffer, wrong)
+    cl.enqueue_copy(device.queue, sync, wrong)
     with pytest.raises(DeviceError, match="left parts of the image undone"):
         kernel.run(1)
 

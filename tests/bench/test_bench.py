@@ -16,7 +16,8 @@ import pytest
 from command import run
 
 import persfs_cl as ps
-from persfs_cl._cl.launches import Grid, Sweeper
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench import accuracy, experiments, peers, plots
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
@@ -126,7 +127,7 @@ def framed_problem(seed: int, shape: tuple[int, int], surface: Surface) -> Probl
 @pytest.mark.parametrize("make", [peers.plain_c, peers.numba_loop])
 @pytest.mark.parametrize("surface", ["away", "toward"])
 def test_yardsticks_do_the_lexicographic_sweep(
-    device: ps.Device, precision: str, make: Callable[[Grid, str], Peer], surface: Surface
+    device: ps.Device, precision: str, make: Callable[[Image, str], Peer], surface: Surface
 ) -> None:
     for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
         problem = framed_problem(seed, shape, surface)

@@ -27,8 +27,9 @@ def python(script: str, *arguments: str) -> str:
 FORK = """
 import os, pickle, sys
 import persfs_cl as ps
+from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.program import program
 from persfs_cl._cl.selection import select_device
-from persfs_cl._cl.program import kernel, program
 
 scene = ps.bump((9, 9))
 solve = lambda **keywords: ps.reconstruct(scene.image, scene.camera, max_iterations=1, **keywords)
@@ -43,7 +44,7 @@ ways = {
     "queue": lambda: device.queue,
     "lock": lambda: device.lock,
     "program": lambda: program(device, ["boundary", "renew"], "float32"),
-    "kernel": lambda: kernel(device, ["boundary", "renew"], "float32", {}, "renew", []),
+    "kernel": lambda: kernel(device, ["boundary", "renew"], "float32", {}, "renew_boundary"),
     "reconstruct": solve,
     "reconstruct on a device": lambda: solve(device=device),
     "reconstruct on a pickled device": lambda: solve(device=pickle.loads(pickled)),

@@ -27,7 +27,6 @@ from fuzz.invariants import (
     strict_json,
 )
 from fuzz.mutate import mutated, text_mutated
-from persfs_cl.choices import Ordering
 from persfs_cl.io.photos import Channel, Encoding, read_depth, read_light, read_mask
 from persfs_cl.io.points import at_points, compare_points, read_points
 
@@ -165,7 +164,7 @@ def _reconstruct(random: Generator, seed: int, setting: Setting, verdicts: Verdi
     solution = verdicts.attempt(lambda: ps.reconstruct(**given), "reconstruct")
     for name, value in before.items():
         require(np.array_equal(given[name], value, equal_nan=True), f"reconstruct: it changes {name}")
-    orderings: list[Ordering] = ["wavefront", "lexicographic"]
+    orderings = ["wavefront", "lexicographic"]
     if not setting.brief and random.uniform() < 0.3:
         orderings.append("checkerboard")
     for ordering in orderings:

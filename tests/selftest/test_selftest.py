@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 import persfs_cl as ps
 from persfs_cl._cl import device as device_room
-from persfs_cl._cl.launches import Sweeper
+from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.choices import Surface
 from persfs_cl.cli.app import app
 from persfs_cl.selftest import checks

@@ -1,0 +1,70 @@
+"""One image in numbers, as the kernels want them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
+
+
+@dataclass(frozen=True)
+class Image:
+    """One image in numbers, as the kernels want them.
+
+    Attributes
+    ----------
+    log_depth : ndarray of float64, shape (height, width)
+        Start values, known values included.
+    brightness : ndarray of float64, shape (height, width)
+        E.
+    flags : ndarray of uint8, shape (height, width)
+        See :mod:`persfs_cl.masks`.
+    parameters : mapping of str to float
+        Of grid, scheme, light and material; see :mod:`persfs_cl._cl.parameters`.
+    x_axis, y_axis : ndarray, shapes (3, width) and (3, height)
+        Coordinates and the two terms of the viscosity: see kernels/schemes/lax_friedrichs.cl.
+    cells, inwards, edges
+        Boundary cells by their flat indices, the two cells that each looks at inwards along x and along y, shape
+        (cells, 4), and how many of them come first, as edges: see kernels/shared/boundary.cl.
+    rim_cells : bool
+        Whether the scheme treats cells apart that lack a neighbour, or only wants a missing neighbour to be high.
+    """
+
+    log_depth: NDArray[np.float64]
+    brightness: NDArray[np.float64]
+    flags: NDArray[np.uint8]
+    parameters: Mapping[str, float]
+    x_axis: NDArray[np.float64]
+    y_axis: NDArray[np.float64]
+    cells: NDArray[np.int32]
+    inwards: NDArray[np.int32]
+    edges: int
+    rim_cells: bool = True
+
+    def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
+        """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""
+        flags = self.flags[rows]
+        swept = (flags & SWEPT) != 0
+        marked = np.where(swept, self.brightness[rows], np.nan)
+        if self.rim_cells:
+            # Not so the others: a NaN with its sign set would send its whole block the slow way.
+            on_rim = swept & ((flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
+            np.negative(marked, out=marked, where=on_rim)
+        return marked
+
+    @property
+    def outside(self) -> float:
+        """The value of what lies around the image."""
+        return 0.0 if self.rim_cells else NOWHERE
+
+    @property
+    def beside(self) -> NDArray[np.int64]:
+        """Pixels left, right, up and down of each boundary cell, or NONE; shape (cells, 4)."""
+        width = self.flags.shape[1]
+        flags = self.flags.ravel()[self.cells]
+        steps = ((NO_LEFT, -1), (NO_RIGHT, 1), (NO_UP, -width), (NO_DOWN, width))
+        return np.stack([np.where(flags & bit, NONE, self.cells + step) for bit, step in steps], axis=1)

@@ -1,0 +1,29 @@
+"""The orderings: what users type, and how it is done on a device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from persfs_cl._cl.orderings.choices import checkerboard, wavefront
+from persfs_cl._cl.orderings.lexicographic import Lexicographic
+from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl.checks import check_choice
+
+ORDERINGS: dict[str, Callable[[Workload], Ordering]] = {
+    "wavefront": wavefront,
+    "checkerboard": checkerboard,
+    "lexicographic": Lexicographic.of,
+}
+"""By what users type, what chooses a class, and its sizes, for images and a device."""
+
+
+def ordering_for(name: str, workload: Workload) -> Ordering:
+    """The ordering of that name as it suits images and a device.
+
+    Raises
+    ------
+    InputError
+        When there is none of that name.
+    """
+    check_choice("ordering", name, tuple(ORDERINGS))
+    return ORDERINGS[name](workload)

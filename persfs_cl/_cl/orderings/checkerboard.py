@@ -1,0 +1,37 @@
+"""The checkerboard, a colour at a time: see kernels/orderings/checkerboard.cl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pyopencl as cl
+
+from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.run import Run
+
+
+@dataclass(frozen=True)
+class Checkerboard(Ordering):
+    """All cells of a colour, then all of the other."""
+
+    file: ClassVar[str] = "checkerboard"
+    reason: ClassVar[str] = "All cells of a colour at a time, a work-item each, which suits a GPU."
+    for_want_of_vectors: ClassVar[bool] = True
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """With a cell update of its own, which is of first order."""
+        return "colour", self.file
+
+    def layout(self, shape: tuple[int, int]) -> Layout:
+        """Columns apart."""
+        return Layout.columns_apart(shape, self.lanes)
+
+    def sweep(self, run: Run, number: int, count: int) -> cl.Event:
+        """Two launches; the direction is of no consequence."""
+        layout = run.layout
+        size = (1 if self.lanes > 1 else layout.stride // 2, layout.rows - 2, run.images)
+        event, _ = [run.launch(size, colour=(layout.parity + half) % 2) for half in range(2)]
+        return event

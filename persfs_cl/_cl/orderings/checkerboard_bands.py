@@ -1,0 +1,99 @@
+"""The checkerboard by bands of rows: see kernels/orderings/checkerboard_bands.cl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pyopencl as cl
+
+from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, WORK_GROUP_OF_ONE, Ordering
+from persfs_cl._cl.run import Run
+
+_LAUNCHED_CELLS = 2**22
+"""Of the iterations that make one launch: some ten milliseconds, against which a launch is nothing."""
+
+
+@dataclass(frozen=True)
+class CheckerboardBands(Ordering):
+    """Bands that a work-group takes through several half-sweeps while they are in its cache.
+
+    Attributes
+    ----------
+    band_rows : int
+        Rows of a band.
+    work_groups : int
+        How many run at a time.
+    polls : int
+        How long a group looks for work in vain, in looks at counters that lie far apart; these lie closer by.
+    """
+
+    file: ClassVar[str] = "checkerboard_bands"
+    reason: ClassVar[str] = "The processors take bands of rows that fit into their caches, in vectors."
+    sweeps_together: ClassVar[bool] = True
+
+    band_rows: int = 1
+    work_groups: int = 1
+    polls: int = 4000
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """With a cell update of its own, which is of first order."""
+        return "colour", "change", self.file
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """With the patience of a group."""
+        return {**super().definitions, "POLLS": self.polls}
+
+    def layout(self, shape: tuple[int, int]) -> Layout:
+        """Columns apart."""
+        return Layout.columns_apart(shape, self.lanes)
+
+    def counters(self, images: int, layout: Layout) -> int:
+        """Of the images, and of the bands."""
+        return images * (1 + self._bands(layout))
+
+    def sweep(self, run: Run, number: int, count: int) -> cl.Event:
+        """One launch; the direction is of no consequence."""
+        return self._launch(run, iterations=1, halves=2 * count, measured=0)
+
+    def iterations_a_launch(self, run: Run) -> int:
+        """All where each group has an image.
+
+        Else few: a group that loses its processor is missing until the next launch.
+        """
+        if run.has_boundary:
+            return 0
+        if run.images >= self.work_groups:
+            return ALL_ITERATIONS
+        return max(1, _LAUNCHED_CELLS // run.pixels)
+
+    def iterate(self, run: Run, iterations: int) -> cl.Event:
+        """One launch."""
+        return self._launch(run, iterations=iterations, halves=8, measured=1)
+
+    def is_done(self, run: Run) -> bool:
+        """Whether each band has been through all stages of its image."""
+        states = run.counters()[run.images :].reshape(run.images, -1)
+        stages = 2 * run.sweeps_of + run.own_measures_of
+        return bool((states == 2 * stages[:, None]).all())
+
+    def _launch(self, run: Run, **own: int) -> cl.Event:
+        return run.launch(
+            (self.work_groups,),
+            WORK_GROUP_OF_ONE,
+            first_colour=run.layout.parity,
+            band_rows=self.band_rows,
+            stages_before=2 * run.sweeps + run.own_measures,
+            iterations_before=run.own_measures,
+            **own,
+        )
+
+    def _bands(self, layout: Layout) -> int:
+        """Of an image."""
+        return -(-layout.height // self.band_rows)
+
+    def _sizes(self) -> tuple[str, ...]:
+        return f"rows: {self.band_rows}", f"groups: {self.work_groups}"

@@ -1,0 +1,64 @@
+"""Which class, and of what sizes, stands on a device for an ordering that has several.
+
+Strips and bands want few work-groups, each with one item and wide vectors: what a CPU is good at, if its compiler is
+known to take them. Elsewhere the wavefront goes tile by tile, and the checkerboard a colour at a time, with many items.
+"""
+
+from __future__ import annotations
+
+import os
+
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.orderings.checkerboard import Checkerboard
+from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
+from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.strips import Strips
+from persfs_cl._cl.orderings.three_colours import ThreeColours
+from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
+from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
+from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
+from persfs_cl._cl.registers import lanes
+
+_BAND_PIXELS = 4096
+"""The bands that a group works on at a time stay in a processor's second-level cache, eight half-sweeps long."""
+_CACHED_PIXELS = 2**20
+"""An image of this size, with its brightness, stays in a processor's second-level cache, or nearly."""
+_SMALL_PIXELS = 2**16
+"""Up to this size a second processor saves less than working together costs."""
+
+
+def wavefront(workload: Workload) -> Ordering:
+    """Strips, whole images or tiles."""
+    wide, groups, pixels = _resources(workload)
+    if wide == 1:
+        return WavefrontTiles.of(workload)
+    kind: type[Strips] = WavefrontStrips
+    if pixels <= _SMALL_PIXELS or (workload.images >= groups and pixels <= _CACHED_PIXELS):
+        kind, groups = WavefrontImages, min(workload.images, groups)
+    order = {"second_order": workload.second_order, "only_lower": workload.only_lower}
+    return kind(wide, work_groups=groups, **order)
+
+
+def checkerboard(workload: Workload) -> Ordering:
+    """Bands or single colours; at second order a third colour."""
+    if workload.second_order:
+        return ThreeColours.of(workload)
+    wide, groups, pixels = _resources(workload)
+    if wide == 1:
+        return Checkerboard()
+    if pixels <= _SMALL_PIXELS:
+        groups = min(workload.images, groups)
+    return CheckerboardBands(wide, band_rows=-(-_BAND_PIXELS // workload.shape[1]), work_groups=groups)
+
+
+def _resources(workload: Workload) -> tuple[int, int, int]:
+    """Cells of a vector, work-groups that have a processor each, and pixels of an image."""
+    wide = lanes(workload.device, workload.precision)
+    # A group that waits keeps its processor: more groups than processors would only be in each other's way.
+    return wide, _processors(workload.device), workload.shape[0] * workload.shape[1]
+
+
+def _processors(device: Device) -> int:
+    """Processors of the device that this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
+    return min(device.compute_units, len(affinity(0)) if affinity else os.cpu_count() or 1)

@@ -1,0 +1,145 @@
+"""What an ordering is: one class for each kernel file in kernels/orderings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, TypeVar
+
+import pyopencl as cl
+
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.run import Run
+from persfs_cl.errors import KernelBuildError
+
+ALL_ITERATIONS = 2**31 - 1
+"""Of :meth:`Ordering.iterations_a_launch`: as many as are queued."""
+WORK_GROUP_OF_ONE = (1,)
+
+Self = TypeVar("Self", bound="Ordering")
+
+
+@dataclass(frozen=True)
+class Workload:
+    """What an ordering is to be chosen for: images of one size on a device.
+
+    Attributes
+    ----------
+    device : Device
+    precision : {"float32", "float64"}
+    shape : tuple of int
+    images : int
+    second_order, only_lower : bool
+        See :class:`Ordering`.
+    """
+
+    device: Device
+    precision: str
+    shape: tuple[int, int]
+    images: int
+    second_order: bool = False
+    only_lower: bool = False
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """How the cells of an image are gone through: by which kernel, and how that is launched.
+
+    A subclass names its kernel file and has :meth:`sweep`, or else :meth:`iterate`; the rest is as here unless it says
+    otherwise. Its fields are the sizes that the kernel is compiled for and launched with. The results do not depend on
+    those, but for the last two.
+
+    Attributes
+    ----------
+    file : str
+        Kernel file, without its suffix, and what the ordering is called.
+    function : str
+        The kernel in it.
+    before : tuple of str
+        Kernel files between the scheme's and this one.
+    reason : str
+        Why a device is given it, in a sentence.
+    for_want_of_vectors : bool
+        Whether a device gets it since its compiler names no vector registers.
+    vectors_down : bool
+        Whether vectors run along strips, and want the table of the columns in reverse too.
+    single_sweeps : bool
+        Whether sweeps can be launched one by one: it has :meth:`sweep`.
+    sweeps_together : bool
+        Whether one launch may do several sweeps, where no boundary is renewed between them.
+    corrections : int
+        Iterations of second order that may be wanted for each of first order.
+    lanes : int
+        Cells that a work-item updates at once: see kernels/shared/prelude.cl.
+    second_order : bool
+        Correct the differences of the upwind scheme to second order.
+    only_lower : bool
+        Let the corrected values only fall.
+    """
+
+    file: ClassVar[str]
+    function: ClassVar[str] = "sweep"
+    before: ClassVar[tuple[str, ...]] = ("cell",)
+    reason: ClassVar[str]
+    for_want_of_vectors: ClassVar[bool] = False
+    vectors_down: ClassVar[bool] = False
+    single_sweeps: ClassVar[bool] = True
+    sweeps_together: ClassVar[bool] = False
+    corrections: ClassVar[int] = 2
+
+    lanes: int = 1
+    second_order: bool = False
+    only_lower: bool = False
+
+    @classmethod
+    def of(cls: type[Self], workload: Workload) -> Self:
+        """With the usual sizes."""
+        return cls(second_order=workload.second_order, only_lower=workload.only_lower)
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Kernel files after those of model and scheme."""
+        return ("second_order" if self.second_order else "first_order", *self.before, self.file)
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """Constants of the program."""
+        order = {"REACH": 2, "ONLY_LOWER": int(self.only_lower)} if self.second_order else {}
+        return {"LANES": self.lanes, **order}
+
+    @property
+    def margin(self) -> int:
+        """Cells around an image that its cells read."""
+        return 2 if self.second_order else 1
+
+    def layout(self, shape: tuple[int, int]) -> Layout:
+        """How an image must lie."""
+        return Layout.padded(shape, self.margin, self.margin)
+
+    def counters(self, images: int, layout: Layout) -> int:
+        """Length of `sync`, integers that the kernel keeps over the whole run, zero at first; 0 when it has none."""
+        return 0
+
+    def sweep(self, run: Run, number: int, count: int) -> cl.Event:
+        """Queue `count` sweeps, the first in the direction `number`, and give the event of the first launch."""
+        raise KernelBuildError(f"{self.file}.cl has no single sweeps: use it for whole iterations.")
+
+    def iterations_a_launch(self, run: Run) -> int:
+        """How many whole iterations a launch may do; 0 where it does sweeps."""
+        return 0
+
+    def iterate(self, run: Run, iterations: int) -> cl.Event:
+        """Queue so many whole iterations, no more than :meth:`iterations_a_launch`, as one launch."""
+        raise KernelBuildError(f"{self.file}.cl has no whole iterations: use it for single sweeps.")
+
+    def is_done(self, run: Run) -> bool:
+        """Whether the device did all that was queued, as far as the kernel's counters tell; waits for it."""
+        return True
+
+    def __str__(self) -> str:
+        vectors = [f"{self.lanes} lanes"] if self.lanes > 1 else []
+        return ", ".join([self.file, *vectors, *self._sizes()])
+
+    def _sizes(self) -> tuple[str, ...]:
+        """The sizes that are its own, in words."""
+        return ()

@@ -1,0 +1,47 @@
+"""What the orderings by strips have in common: see kernels/orderings/strip.cl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings.ordering import Ordering
+
+
+@dataclass(frozen=True)
+class Strips(Ordering):
+    """Strips of the wavefront, which vectors run along.
+
+    Attributes
+    ----------
+    vectors : int
+        Of a strip: with three the latency of the square root is hidden, and the registers suffice.
+    work_groups : int
+        How many run at a time.
+    polls : int
+        How long a work-group waits for another in vain: so many looks at its counter, some hundred microseconds.
+    """
+
+    vectors_down: ClassVar[bool] = True
+
+    vectors: int = 3
+    work_groups: int = 1
+    polls: int = 4000
+
+    @property
+    def strip_rows(self) -> int:
+        """Rows of a strip."""
+        return self.vectors * self.lanes
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """With the height of a strip."""
+        return {**super().definitions, "VECTORS": self.vectors, "POLLS": self.polls}
+
+    def layout(self, shape: tuple[int, int]) -> Layout:
+        """The last strip may reach past the image; lanes lean out by a strip's height and a block."""
+        return Layout.padded(shape, -shape[0] % self.strip_rows + self.margin, self.strip_rows + self.lanes)
+
+    def _sizes(self) -> tuple[str, ...]:
+        return f"rows: {self.strip_rows}", f"groups: {self.work_groups}"

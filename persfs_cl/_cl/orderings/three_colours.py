@@ -1,0 +1,29 @@
+"""Three colours in place of the checkerboard at second order: see kernels/orderings/three_colours.cl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pyopencl as cl
+
+from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.run import Run
+
+
+@dataclass(frozen=True)
+class ThreeColours(Ordering):
+    """All cells of a colour, then all of the next."""
+
+    file: ClassVar[str] = "three_colours"
+    # Values come some pixels far in an iteration, and corrections have to go back and forth.
+    corrections: ClassVar[int] = 8
+    reason: ClassVar[str] = (
+        "At second order a cell reads two neighbours on every side, for which two colours do not suffice."
+    )
+
+    def sweep(self, run: Run, number: int, count: int) -> cl.Event:
+        """Three launches; the direction is of no consequence."""
+        size = (run.layout.width, run.layout.height, run.images)
+        event, *_ = [run.launch(size, colour=colour) for colour in range(3)]
+        return event

@@ -1,0 +1,352 @@
+"""Images on a device, and the iteration over them: four sweeps, the boundary renewed, the largest change found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from persfs_cl._cl.buffers import allocate, upload
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.failures import in_words
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings import ordering_for
+from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, Ordering, Workload
+from persfs_cl._cl.parameters import records
+from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.run import Run
+from persfs_cl.errors import DeviceError
+
+_CELLS_AT_A_TIME = 2**28
+"""Cells of iterations that are queued together at least, where that keeps images in the cache: half a second or so."""
+_LOWEST = 0.0
+"""Floor of the extrapolation of the boundary."""
+
+
+class Sweeper:
+    """Images of one size on a device, and the steps of the iteration. An image that has converged rests.
+
+    Parameters
+    ----------
+    device : Device
+    images : sequence of Image
+        At least one, all of one shape.
+    model : sequence of str
+        Kernel files of the model and the scheme.
+    ordering : str or Ordering
+        A name of :data:`persfs_cl._cl.orderings.ORDERINGS`, of which what suits the device is chosen; or the very
+        ordering, with sizes of its own, which then says itself of which order it is.
+    precision : {"float32", "float64"}
+    tolerance : float
+        max |ΔZ| of an iteration at which an image rests.
+    linear : bool
+        Extrapolate the boundary cells instead of letting the surface flow out.
+    second_order : bool
+        Correct converged values of the upwind scheme to second order.
+    only_lower : bool
+        With that, let values only fall.
+
+    Attributes
+    ----------
+    count : int
+        Images.
+    ordering : Ordering
+    kernel_seconds : float
+        What the launches of :meth:`run` have taken by the device's own clock.
+
+    Raises
+    ------
+    DeviceError
+        When the device lacks the precision or the memory.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        images: Sequence[Image],
+        *,
+        model: Sequence[str],
+        ordering: str | Ordering,
+        precision: str,
+        tolerance: float = 0.0,
+        linear: bool = False,
+        second_order: bool = False,
+        only_lower: bool = False,
+    ) -> None:
+        self._device = device
+        self._real = device.real(precision)
+        self.count = len(images)
+        height, width = images[0].log_depth.shape
+        if isinstance(ordering, str):
+            workload = Workload(device, precision, (height, width), self.count, second_order, only_lower)
+            ordering = ordering_for(ordering, workload)
+        self.ordering = ordering
+        self._layout = ordering.layout((height, width))
+        # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
+        self._tolerance = np.float32(tolerance)
+        if self._tolerance > tolerance:
+            self._tolerance = np.nextafter(self._tolerance, np.float32(0.0))
+        self._rested = np.zeros(self.count, bool)
+        self._begun = False
+        self._changes = np.zeros((0, self.count), np.float32)
+        self.kernel_seconds = 0.0
+        with in_words(device):
+            values = self._uploaded(images)
+            values |= {"tolerance": self._tolerance, "linear": int(linear), "lowest": _LOWEST}
+            files, fields = [*model, *ordering.kernels], list(images[0].parameters)
+            self._run = Run(
+                device=device,
+                kernel=kernel(device, files, precision, ordering.definitions, ordering.function, fields),
+                layout=self._layout,
+                images=self.count,
+                has_boundary=any(len(image.cells) for image in images),
+                values=values,
+            )
+            self._make_kernels(precision)
+
+    def _uploaded(self, images: Sequence[Image]) -> dict[str, Any]:
+        """What kernels may take as arguments, by name."""
+        device, layout, real = self._device, self._layout, self._real
+        stored = layout.store([image.log_depth.__getitem__ for image in images], images[0].outside, real)
+        brightness = layout.store([image.marked_brightness for image in images], np.nan, real)
+        reversed_too = self.ordering.vectors_down
+        columns = np.stack([layout.column_table(image.x_axis, reversed_too=reversed_too) for image in images])
+        rows = np.stack([layout.row_table(image.y_axis) for image in images])
+        values = {
+            "log_depth": upload(device, stored),
+            "previous": allocate(device, stored.nbytes),
+            "brightness": upload(device, brightness),
+            "flags": upload(device, layout.store([image.flags.__getitem__ for image in images], 0, np.dtype(np.uint8))),
+            "parameters": upload(device, records([image.parameters for image in images], real)),
+            "column_table": upload(device, columns.astype(real)),
+            "row_table": upload(device, rows.astype(real)),
+            "iteration": 0,
+            "images": self.count,
+            "size": layout.size,
+            "rows": layout.rows,
+            "stride": layout.stride,
+            "first_row": layout.first_row,
+            "first_column": layout.first_column,
+            "height": layout.height,
+            "width": layout.width,
+            **_boundary(device, images, layout, real),
+        }
+        if counters := self.ordering.counters(self.count, layout):
+            values["sync"] = upload(device, np.zeros(counters, np.int32))
+        return values
+
+    def _make_kernels(self, precision: str) -> None:
+        """Those that follow sweeps in launches of their own."""
+        device = self._device
+        if self._run.has_boundary and self.ordering.single_sweeps:
+            self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary")
+            self._renew_items = min(256, self._renew.largest_group(device))
+        if self.ordering.single_sweeps:
+            wide = lanes(device, precision)
+            self._measure = kernel(device, ["change", "measure"], precision, {"LANES": wide}, "measure")
+            # With vectors each item takes a part of its own: see kernels/shared/measure.cl.
+            self._measure_group = (1, 1) if wide > 1 else None
+            most = (1 if wide > 1 else 1024) * device.compute_units
+            self._measure_items = max(1, min(most, self._layout.size // 1024))
+
+    @property
+    def variant(self) -> str:
+        """What the ordering is called on the device."""
+        return self.ordering.file
+
+    @property
+    def queued_at_least(self) -> int:
+        """How many iterations should be queued together: where images take turns in the cache, not too few."""
+        if self.ordering.iterations_a_launch(self._run) < ALL_ITERATIONS:
+            return 4
+        return max(4, min(64, _CELLS_AT_A_TIME // self._run.pixels))
+
+    def run(self, iterations: int) -> NDArray[np.float64]:
+        """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
+
+        Parameters
+        ----------
+        iterations : int
+            How many to queue. An image skips those after the one that met the tolerance.
+
+        Returns
+        -------
+        ndarray of float64, shape (iterations, images)
+            max |ΔZ| of each iteration, in single precision; 0 for those that were skipped.
+
+        Raises
+        ------
+        DeviceError
+            When the device left work undone.
+        """
+        with self._device.lock, in_words(self._device), self._until_idle():
+            self._begin(iterations)
+            measured = self._run.own_measures
+            first, last = self._queue(iterations)
+            cl.enqueue_copy(self._device.queue, self._changes, self._run.values["changes"])
+            rows = self._changes[1:]
+            self._row = 0
+            done = self._note_rest(rows <= self._tolerance)
+            self._run.sweeps_of += 4 * done
+            if self._run.own_measures > measured:
+                self._run.own_measures_of += done
+            self._check_all_done()
+            self.kernel_seconds += 1e-9 * (last.profile.end - first.profile.start)
+        return rows.astype(np.float64)
+
+    def _queue(self, iterations: int) -> tuple[cl.Event, cl.Event]:
+        """The first and the last event of so many iterations."""
+        events = []
+        if most := self.ordering.iterations_a_launch(self._run):
+            for begin in range(0, iterations, most):
+                count = min(most, iterations - begin)
+                events.append(self.ordering.iterate(self._run, count))
+                self._row += count
+                self._run.sweeps += 4 * count
+                self._run.own_measures += count
+        else:
+            for _ in range(iterations):
+                events += [self._sweep_in_turn(), self.measure()]
+        return events[0], events[-1]
+
+    def _note_rest(self, met: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Iterations that each image has done, of those that `met` says of whether they met the tolerance."""
+        done = np.where(self._rested, 0, len(met))
+        ended = met.any(axis=0) & ~self._rested
+        done[ended] = 1 + met[:, ended].argmax(axis=0)
+        self._rested |= ended
+        return done
+
+    def sweep_in_turn(self) -> cl.Event:
+        """Queue the four sweeps of an iteration, with the renewal of the boundary after each.
+
+        Returns the event of the first.
+        """
+        self._run.sweeps_of[~self._rested] += 4
+        return self._sweep_in_turn()
+
+    def sweep(self, number: int) -> cl.Event:
+        """Queue a sweep of all images, for orderings that have single sweeps.
+
+        Parameters
+        ----------
+        number : int
+            0 to 3: the direction, see :data:`persfs_cl._cl.run.DIRECTIONS`; sweeps of colours have none.
+        """
+        self._run.sweeps_of[~self._rested] += 1
+        return self._sweep(number)
+
+    def _sweep_in_turn(self) -> cl.Event:
+        if self.ordering.sweeps_together and not self._run.has_boundary:
+            return self._sweep(0, count=4)
+        events = []
+        for number in range(4):
+            events.append(self._sweep(number))
+            self.renew_boundary()
+        return events[0]
+
+    def _sweep(self, number: int, count: int = 1) -> cl.Event:
+        if not self._row:
+            self._begin(1)
+        event = self.ordering.sweep(self._run, number, count)
+        self._run.sweeps += count
+        return event
+
+    def renew_boundary(self) -> None:
+        """Queue the renewal of the boundary cells from inside, eq. (12)."""
+        if self._run.has_boundary:
+            items = self._renew_items
+            self._renew.launch(self._device, (items, self.count), (items, 1), self._run.values)
+
+    def measure(self) -> cl.Event:
+        """Queue the search for the largest change since the last one."""
+        size = (self._measure_items, self.count)
+        event = self._measure.launch(self._device, size, self._measure_group, self._run.values)
+        self._row += 1
+        return event
+
+    def log_depth(self) -> NDArray[np.floating]:
+        """A copy of the values as they are now, shape (images, height, width)."""
+        values = np.empty((self.count, self._layout.height, self._layout.width), self._real)
+        self.copy_log_depth(values)
+        return values
+
+    def copy_log_depth(self, values: Iterable[NDArray[np.floating]]) -> None:
+        """Copy the values as they are now into an array of shape (height, width) for each image."""
+        layout, queue = self._layout, self._device.queue
+        shape = (self.count, layout.rows, layout.stride)
+        with in_words(self._device):
+            self._check_all_done()
+            # What lies in the host's memory already is not copied by this.
+            held = self._run.values["log_depth"]
+            stored, _ = cl.enqueue_map_buffer(queue, held, cl.map_flags.READ, 0, shape, self._real)
+            try:
+                for image, taken in zip(stored, values, strict=True):
+                    layout.take(image, taken)
+            finally:
+                stored.base.release(queue)
+
+    @property
+    def _row(self) -> int:
+        """Of the record of changes, that of the iteration at hand; 0 between runs."""
+        row: int = self._run.values["iteration"]
+        return row
+
+    @_row.setter
+    def _row(self, row: int) -> None:
+        self._run.values["iteration"] = row
+
+    def _begin(self, iterations: int) -> None:
+        """Clear the record of changes; its row 0 says which images rest."""
+        values, queue = self._run.values, self._device.queue
+        if not self._begun:
+            # Not before there is something to wait for it: the values may lie in memory that an error would free.
+            cl.enqueue_copy(queue, values["previous"], values["log_depth"])
+            self._begun = True
+        changes = np.zeros((iterations + 1, self.count), np.float32)
+        changes[0] = np.where(self._rested, -1.0, np.inf)
+        if changes.shape != self._changes.shape:
+            values["changes"] = allocate(self._device, changes.nbytes)
+        cl.enqueue_copy(queue, values["changes"], changes)
+        self._changes = changes
+        self._row = 1
+
+    def _check_all_done(self) -> None:
+        """Wait for the device, and raise an error where groups that share out the work have left some of it."""
+        if not self.ordering.is_done(self._run):
+            raise DeviceError(
+                f"{self._device} left parts of the image undone: its driver is at fault. Use ordering='lexicographic'."
+            )
+
+    @contextmanager
+    def _until_idle(self) -> Iterator[None]:
+        """Not to leave, whatever happens, before the kernels are done with arrays that may then be freed."""
+        try:
+            yield
+        except BaseException:
+            self._device.queue.finish()
+            raise
+
+
+def _boundary(
+    device: Device, images: Sequence[Image], layout: Layout, real: np.dtype[np.floating]
+) -> dict[str, cl.Buffer]:
+    """The lists of boundary cells; see kernels/shared/boundary.cl."""
+    counts = np.array([len(image.cells) for image in images])
+    edges = np.array([image.edges for image in images])
+    parts = np.stack([np.cumsum(counts) - counts, edges, counts - edges], axis=1).astype(np.int32)
+
+    def listed(name: str) -> NDArray[np.int32]:
+        cells = np.concatenate([layout.cells(getattr(image, name)) for image in images])
+        # OpenCL has no empty buffers; that of a list without cells is never read.
+        return cells if counts.any() else np.zeros(4, np.int32)
+
+    lists = {name: upload(device, listed(name)) for name in ("cells", "inwards", "beside")}
+    renewed = allocate(device, max(1, int(counts.sum())) * real.itemsize)
+    return {"counts": upload(device, parts), **lists, "renewed": renewed}
