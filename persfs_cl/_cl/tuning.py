@@ -122,12 +122,12 @@ class Tuning:
         """Kernel files after those of model and scheme."""
         order = "second_order" if self.second_order else "first_order"
         before = {
-            "wavefront_images": (order, "strip", "boundary", "change"),
-            "wavefront_strips": (order, "strip"),
-            "checkerboard": ("colour",),
-            "checkerboard_bands": ("colour", "change"),
+            "wavefront_images": (order, "update", "strip", "boundary", "change"),
+            "wavefront_strips": (order, "update", "strip"),
+            "checkerboard": ("update", "colour"),
+            "checkerboard_bands": ("update", "colour", "change"),
         }
-        return (*before.get(self.variant, (order, "cell")), self.variant)
+        return (*before.get(self.variant, (order, "update", "cell")), self.variant)
 
     @property
     def in_strips(self) -> bool:
