@@ -159,7 +159,7 @@ class Model:
         if not self.beside_camera:
             return (*self.kernels, "steepness", "upwind_flash")
         elementary, material, _ = self.kernels
-        return (elementary, material, "steepness", "light_cone", "lamp_beside", "climb", "upwind_beside")
+        return (elementary, material, "steepness", "light_cone", "off_axis_lamp", "climb", "upwind_off_axis")
 
     def parameters(
         self,

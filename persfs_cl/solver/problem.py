@@ -379,7 +379,7 @@ def _at_unit_distance(
 def nearest_depth(light: FlashLight, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Depth at which the equation of a lamp beside the camera ends, of rays (x, y, 1).
 
-    As in kernels/models/lamp_beside.cl.
+    As in kernels/models/off_axis_lamp.cl.
     It lies beyond the point of the ray that is nearest to the lamp, by some margin, and beyond the lamp's plane.
     """
     right, below, ahead = light.offset
