@@ -38,6 +38,10 @@ def source_files(folder: str) -> set[str]:
     return {path.relative_to(ROOT).as_posix() for path in found}
 
 
+def kernel_files() -> set[str]:
+    return {name for name in source_files("kernels") if name.endswith(".cl")}
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with the sdist of the checkout, and the wheel built from that sdist."""
@@ -78,7 +82,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_wheel_holds_every_kernel(wheel_files: set[str]) -> None:
-    kernels = source_files("kernels")
+    kernels = kernel_files()
     assert kernels
     assert {name for name in wheel_files if name.endswith(".cl")} == {f"persfs_cl/{name}" for name in kernels}
 
@@ -125,7 +129,7 @@ print(persfs_cl.__file__, persfs_cl.__version__, *kernel_names(), sep="\\n")
     file, version, *names = output.splitlines()
     assert Path(file).resolve().is_relative_to(installed.resolve())
     assert version == metadata["Version"]
-    assert sorted(names) == sorted(Path(name).stem for name in source_files("kernels"))
+    assert sorted(names) == sorted(Path(name).stem for name in kernel_files())
 
 
 def test_installed_command(installed: Path) -> None:

@@ -1,14 +1,20 @@
-/* Lambertian material under a light at the camera: c = cos theta. */
-#define NEWTON_STEPS 0 /* to the steepness at which it dims so much: a formula has it exactly */
+/* A Lambertian material under a light at the camera:
+ *
+ *     c = cos theta = 1 / sqrt(1 + t^2),    t = tan theta
+ *
+ * Functions of t^2 for the lanes of one vector; they read no memory. Under a parallel light this material has a model
+ * of its own, parallel_light.cl.
+ */
+#define NEWTON_STEPS 0 /* of square_of in steepness.cl, whose first guess is exact here */
 
-/* -ln c from t^2, t = tan theta. */
-static inline number dimming(const number square, const parameter_set *parameters)
+/* -ln c from t^2. */
+static inline number minus_log_c(const number square, const parameter_set *parameters)
 {
-    return (number)0.5f * logarithm((number)1 + square);
+    return 0.5f * logarithm(1 + square);
 }
 
 /* Its derivative by t^2. */
-static inline number dimming_rate(const number square, const parameter_set *parameters)
+static inline number minus_log_c_derivative(const number square, const parameter_set *parameters)
 {
-    return (number)0.5f / ((number)1 + square);
+    return 0.5f / (1 + square);
 }

@@ -1,38 +1,48 @@
-/* Phong's material under a light at the camera: c = kd cos theta + ks max(cos 2 theta, 0)^m. */
-#define NEWTON_STEPS 14 /* to the steepness at which it dims so much */
-#define DIMMEST 1e-30f /* least cosine of a highlight: the logarithm in a power wants a normal number above 0 */
+/* Phong's material. The first line is for a light at the camera, the second for any light, with alpha the angle between
+ * the ray and the mirrored direction of the light:
+ *
+ *     c = kd cos theta + ks max(0, cos 2 theta)^m,    cos 2 theta = (1 - t^2) / (1 + t^2),    t = tan theta
+ *     c = kd lit + ks max(0, cos alpha)^m,            cos alpha = 2 lit seen - between
+ *
+ * kd, ks and m are the parameters `diffuse`, `specular` and `shininess`. Functions for the lanes of one vector; they
+ * read no memory.
+ */
+#define NEWTON_STEPS 14 /* of square_of in steepness.cl, at most */
+#define LEAST_COSINE 1e-30f /* of a highlight: the logarithm in a power wants a normal number above 0 */
 
-/* A power of a cosine, of 0 where that is below. */
+/* max(0, cosine)^exponent, but for LEAST_COSINE in place of 0. */
 static inline number lobe(const number cosine, const real exponent)
 {
-    return power(most(cosine, (number)DIMMEST), exponent);
+    return power(most(cosine, LEAST_COSINE), exponent);
 }
 
-/* -ln c from t^2, t = tan theta: cos theta = 1 / sqrt(1 + t^2), cos 2 theta = (1 - t^2) / (1 + t^2). */
-static inline number dimming(const number square, const parameter_set *parameters)
+/* -ln c from t^2. */
+static inline number minus_log_c(const number square, const parameter_set *parameters)
 {
-    const number secant = (number)1 + square;
-    const number mirrored = ((number)1 - square) / secant;
-    return -logarithm(parameters->diffuse / root(secant) + parameters->specular * lobe(mirrored, parameters->shininess));
-}
-
-/* Brightness for any directions, as in oren_nayar.cl; without a highlight in shadow. */
-static inline number returned_light(const number lit, const number seen, const number between, const parameter_set *parameters)
-{
-    const number mirrored = multiply_subtract_from(-between, (number)-2 * lit, seen);
+    const number secant = 1 + square;
+    const number mirrored = (1 - square) / secant;
     const number highlight = parameters->specular * lobe(mirrored, parameters->shininess);
-    return multiply_add(parameters->diffuse, lit, lit > (number)0 ? highlight : (number)0);
+    return -logarithm(parameters->diffuse / root(secant) + highlight);
 }
 
-/* Derivative of the dimming by t^2. The power is that of the dimming, which the compiler need not take twice. */
-static inline number dimming_rate(const number square, const parameter_set *parameters)
+/* Its derivative by t^2. The power is the same as in minus_log_c, so that the compiler need not compute it twice. */
+static inline number minus_log_c_derivative(const number square, const parameter_set *parameters)
 {
-    const number secant = (number)1 + square, length = root(secant);
-    const number mirrored = ((number)1 - square) / secant;
+    const number secant = 1 + square, length = root(secant);
+    const number mirrored = (1 - square) / secant;
     const number highlight = parameters->specular * lobe(mirrored, parameters->shininess);
     const number returned = parameters->diffuse / length + highlight;
-    const number dimmer = mirrored > (number)DIMMEST ? highlight / mirrored : (number)0;
-    const number fall = parameters->diffuse / ((number)2 * secant * length) +
-                        (number)(2 * parameters->shininess) * dimmer / (secant * secant);
+    const number quotient = choose(mirrored > LEAST_COSINE, highlight / mirrored, 0);
+    const number fall = parameters->diffuse / (2 * secant * length) +
+                        2 * parameters->shininess * quotient / (secant * secant);
     return fall / returned;
+}
+
+/* c from the cosines between normal and light, normal and ray, and light and ray; without a highlight in shadow. */
+static inline number returned_light(const number lit, const number seen, const number between,
+                                    const parameter_set *parameters)
+{
+    const number mirrored = multiply_add(2 * lit, seen, -between);
+    const number highlight = parameters->specular * lobe(mirrored, parameters->shininess);
+    return multiply_add(parameters->diffuse, lit, choose(lit > 0, highlight, 0));
 }

@@ -1,10 +1,11 @@
-/* Half a sweep: all cells of one colour, one launch each. Two launches visit every cell once.
+/* Half a sweep: all cells of one colour, which is the parity of row + column. Two launches visit every cell once.
  *
- * Not the iterates of the lexicographic order, but the same fixed point, and Z still never increases. One work-item takes
- * vectors of LANES cells of a row: global size (items, rows - 2, images). In place.
+ * The iterates are not those of the lexicographic order, but the fixed point is that of a monotone scheme, and Z never
+ * increases. The work-items of a row share its vectors of LANES cells: global size (items, rows - 2, images). Reads and
+ * writes log_depth in place.
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
-                    __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+                    __global const real *brightness,   /* E, marked as in update.cl, same shape               */
                     __global const uchar *flags,       /* same shape                                          */
                     __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride), columns apart            */

@@ -1,31 +1,31 @@
-/* Several half-sweeps of the checkerboard in one launch, on bands of rows, each as far as it can be.
+/* Several half-sweeps of the checkerboard in one launch, on bands of rows, each band as soon as its neighbours allow.
  *
  * A band may do its next half-sweep when both its neighbours have done as many; no neighbour can then be more than one
- * ahead. So a work-group goes down the image along a slope, and a band gets all its half-sweeps while it is in the cache:
+ * ahead. So a work-group goes down the image along a slope, and a band gets all its half-sweeps while it is cached:
  *
  *      half-sweep   0   1   2   3
- *      band 0       0   2   5   9      in which order one group alone takes four half-sweeps of five bands:
+ *      band 0       0   2   5   9      the order in which one group alone takes four half-sweeps of five bands:
  *      band 1       1   4   8  13      by fronts, each from the left to the right and upwards
  *      band 2       3   7  12  16
  *      band 3       6  11  15  18
  *      band 4      10  14  17  19
  *
- * The values are those of one half-sweep of all bands after the other, bit for bit, as cells of one colour read only the
- * other. The last stage of an iteration is the search for the largest change, if that is wanted; all bands of an image
- * must be through before the first begins the next iteration, since the image may have come to rest.
+ * The values are those of one half-sweep of all bands after the other, bit for bit, as cells of one colour read only
+ * the other. The last stage of an iteration is the search for the largest change, if that is wanted; all bands of an
+ * image must be through before the first begins the next iteration, since the image may have come to rest.
  *
- * Every group walks over all images and bands, from a place of its own and round, and takes what is free and ready. It
- * looks some times at an image where others are at work; then it goes on, and ends when it has come round without having
- * found anything. So nothing is waited for in vain, however the groups are scheduled: what is left then lies with groups
- * that still work, and that come round once more before they end.
+ * Every group goes through all images and bands in turn, from a place of its own, and takes what is free and ready. Of
+ * an image at which others are at work it polls the bands for a while; then it goes on, and ends after a turn in which
+ * it has found nothing. So no group waits for another without end, however the groups are scheduled: what is left then
+ * lies with groups that still work, and that go through all once more before they end.
  *
- * Work-group size 1; any number of groups. `sync` counts over the whole run and is never reset: for each image the bands
- * that are through their iterations, and for each band of each image twice the stages done, and one more while some group
- * does the next. In place.
+ * Work-group size 1; any number of groups. `sync` counts over the whole run and is never reset: for each image the
+ * bands that have finished their iterations, and for each band of each image twice the stages done, plus one while some
+ * group does the next. Reads and writes log_depth in place.
  */
-#define LOOKS (32 * POLLS) /* in vain, at what lies in the cache: some hundred microseconds */
+#define LOOKS (32 * POLLS) /* polls without success, of counters in the cache: some hundred microseconds */
 
-/* Whether this group has a stage of a band now; `done` is what `states` says of a band that is ready for it. */
+/* Claims a stage of a band for this group: 1 if that succeeds; `done` is the state of a band that is ready for it. */
 static inline int claim(__global volatile int *states, const int bands, const int band, const int done)
 {
     __global volatile int *state = states + band;
@@ -63,8 +63,8 @@ static inline void do_stage(const picture *image, const int band, const int stag
     }
 }
 
-/* Takes what is ready of an iteration of an image until nothing is left, or none has been found for a while; 1 is
- * returned if there was any.
+/* Takes what is ready of an iteration of an image until nothing is left, or nothing has been found for a while; returns
+ * 1 if there was any.
  */
 static inline int iterate(const picture *image, __global volatile int *states, __global volatile int *through,
                           const int stages, const int first_stage)
@@ -97,7 +97,7 @@ static inline int iterate(const picture *image, __global volatile int *states, _
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
-      __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+      __global const real *brightness,   /* E, marked as in update.cl, same shape               */
       __global const uchar *flags,       /* same shape                                          */
       __global const parameter_set *parameters, /* shape (images,)                                     */
       __global const real *column_table, /* shape (images, 3, stride), columns apart            */

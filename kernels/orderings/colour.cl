@@ -1,14 +1,16 @@
-/* One colour of the checkerboard in a row: cells that read only cells of the other colour.
+/* The cells of one colour of the checkerboard in a row, which read only cells of the other colour, by work-items that
+ * share the row. Reads brightness, flags and tables, and reads and writes log_depth in place.
  *
- * The columns are stored apart, the even ones before the odd ones, so that the cells of one colour of a row lie side by
- * side: half the memory traffic, and whole vectors. Left and right neighbours are in the other half of the row.
+ * The columns are stored apart, the even ones before the odd ones, so that the cells of one colour in a row are
+ * contiguous: half the memory traffic, and whole vectors. Left and right neighbours are in the other half of the row.
  */
 #define GAP (LANES > 4 ? LANES : 4) /* columns at the end of each half that are never written */
 
-/* No neighbour comes before the others here: a scheme that has directions looks in all four. */
+/* Here no neighbour comes before the others: a scheme with directions takes the least value of all four quadrants. */
 static inline number value_from_all_sides(const number brightness, const number here, const number left,
-                                          const number right, const number up, const number down, const real to_p, const real to_q,
-                                          const axis x, const axis y, const parameter_set *parameters)
+                                          const number right, const number up, const number down,
+                                          const real to_p, const real to_q, const axis x, const axis y,
+                                          const parameter_set *parameters)
 {
 #if DIRECTED
     return least(least(inner_value(brightness, here, left, right, up, down, to_p, to_q, x, y, parameters),
@@ -21,15 +23,15 @@ static inline number value_from_all_sides(const number brightness, const number 
 }
 
 /* Updates, in place, the vectors `first`, `first + step`, ... of the cells of one colour in a row. */
-static inline void update_colour(__global real *log_depth,          /* of one image, shape (rows, stride), columns apart */
-                                 __global const real *brightness,   /* E, marked as in cell.cl, same shape               */
-                                 __global const uchar *flags,       /* same shape                                        */
-                                 const parameter_set *parameters, /* of the image                                      */
-                                 __global const real *column_table, /* shape (3, stride), columns apart                  */
-                                 __global const real *row_table,    /* shape (3, rows)                                   */
+static inline void update_colour(__global real *log_depth,          /* of one image, (rows, stride), columns apart */
+                                 __global const real *brightness,   /* E, marked as in update.cl, same shape       */
+                                 __global const uchar *flags,       /* same shape                                  */
+                                 const parameter_set *parameters,   /* of the image                                */
+                                 __global const real *column_table, /* shape (3, stride), columns apart            */
+                                 __global const real *row_table,    /* shape (3, rows)                             */
                                  const int rows, const int stride,
-                                 const int row,    /* stored row                         */
-                                 const int colour, /* parity of stored row + column      */
+                                 const int row,    /* stored row                    */
+                                 const int colour, /* parity of stored row + column */
                                  const int first, const int step)
 {
     const int half_stride = stride / 2;
@@ -51,14 +53,9 @@ static inline void update_colour(__global real *log_depth,          /* of one im
         const number up = LOAD(cell - stride), down = LOAD(cell + stride);
         const axis x = {LOAD(columns + at), LOAD(columns + at + stride), LOAD(columns + at + 2 * stride)};
 
-        number value = value_from_all_sides(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
-#if RIM_CELLS
-        if (any_sign(as_integer(shading))) {
-            const integer missing = GATHER(integer, flags + begin + at, 1);
-            const number rim = rim_value(magnitude(shading), missing, here, left, right, up, down, x, y, parameters);
-            value = as_integer(shading) < 0 ? rim : value;
-        }
-#endif
-        STORE(cell, value < here ? value : here);
+        const number value = value_from_all_sides(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
+        const number result =
+            updated(value, shading, here, left, right, up, down, flags + begin + at, 1, x, y, parameters, 1);
+        STORE(cell, result);
     }
 }

@@ -1,9 +1,9 @@
-/* One sweep as the paper writes it: one work-item runs the plain double loop. The yardstick for the others.
+/* One sweep in the paper's order, a double loop over rows and columns: the reference for the other orderings.
  *
  * One work-item takes an image: global size (images,). Reads and writes log_depth in place.
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
-                    __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+                    __global const real *brightness,   /* E, marked as in update.cl, same shape               */
                     __global const uchar *flags,       /* same shape                                          */
                     __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride)                           */

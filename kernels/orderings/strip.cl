@@ -1,7 +1,7 @@
-/* A strip of the wavefront: vectors skewed over rows, bit for bit what a scalar loop over the cells gives.
+/* One sweep over a strip of the wavefront: vectors skewed over rows, bit for bit what a loop over the cells gives.
  *
- * A strip is STRIP_ROWS = LANES VECTORS rows high. One work-item runs along it; in step t the lane of row r updates column
- * t - r, so that all lanes stand on one anti-diagonal and none reads another's new value of this step:
+ * A strip is STRIP_ROWS = LANES VECTORS rows high. One work-item runs along it; in step t the lane of row r updates
+ * column t - r, so that all lanes stand on one anti-diagonal and none reads another's new value of this step:
  *
  *            column  0 1 2 3 4 5 6 7          left of a lane:  its own result of the step before
  *      row 0         0 1 2 3 4 5 6 7          up:              the result of the step before, one lane further up
@@ -12,20 +12,22 @@
  * lanes further up; right and down from the old values two columns ahead, down from two lanes further down. They are
  * loaded REACH columns ahead.
  *
- * Left and up never leave the registers. A vector has LANES rows, here 8; several of them a strip hide the latency of the
- * square root. LANES steps make a block: as many unaligned loads, one a row and each a column further back, transposed in
- * registers, give the lanes of these steps, and the results go back the same way. So the arrays stay row-major and in
- * place, for all four directions. They are padded by STRIP_ROWS + LANES columns, and by rows to whole strips and REACH
- * more, on either side; the column table holds its numbers once more in reverse, shape (6, stride).
+ * Left and up never leave the registers. A vector has LANES rows, here 8; several of them a strip hide the latency of
+ * the square root. LANES steps make a block: as many unaligned loads, one a row and each a column further back,
+ * transposed in registers, give the lanes of these steps, and the results go back the same way. So the arrays stay
+ * row-major and in place, for all four directions. They are padded by STRIP_ROWS + LANES columns, and by rows to whole
+ * strips and REACH more, on either side; the column table holds its numbers once more in reverse, shape (6, stride).
  */
 #define STRIP_ROWS (LANES * VECTORS)
-#define APART 32           /* from the progress of one strip to that of the next: not in one cache line, nor in a pair of them */
-#define AHEAD 24           /* columns to fetch in advance: the rows of a strip are more than a processor follows by itself */
-#define LEAD (64 / LANES)  /* blocks that a strip which must wait waits for beyond those it needs, so as to look seldom */
-#define EVERY (32 / LANES) /* so many are told of at a time: a processor that tells must wait for its stores to be done */
-#define UNROLLED (REACH == 2 ? 1 : LANES) /* steps: those of reach 2 are so long that it would gain nothing */
+#define APART 32           /* integers from one strip's progress to the next: no common cache line, nor pair of lines */
+#define AHEAD 24           /* columns to prefetch: a strip has more rows than the hardware prefetcher follows */
+#define LEAD (64 / LANES)  /* blocks that a strip waits for beyond those it needs, so as to wait seldom */
+#define EVERY (32 / LANES) /* blocks after which progress is published, since that waits for all stores before it */
+#define UNROLLED (REACH == 2 ? 1 : LANES) /* steps; those of reach 2 are so long that unrolling gains nothing */
 
-/* Lanes moved along: that of every row to the next row below it (the lane of row 0 stays), or to the one above; by two. */
+/* Lanes shifted by one row or by two: TO_BELOW gives each row the lane of the row above it, TO_ABOVE that of the row
+ * below. The lanes for which there is none are then overwritten.
+ */
 #if LANES == 8
 #define LAST s7
 #define LAST_BUT_ONE s6
@@ -99,15 +101,15 @@ typedef struct {
     axis y[VECTORS];               /* of the rows                                                     */
 } lanes;
 
-/* What lanes read beside the strip, on the steps of a block. */
+/* What the outer lanes read from outside the strip, on the steps of a block. */
 typedef union {
     number all;
     real step[LANES];
 } border;
 
-#define NEAR 0     /* of the row beside the strip, as the lane at its edge reads it         */
-#define NEXT 1     /* of the row after that, by the same lane                               */
-#define NEAR_TOO 2 /* of the row beside the strip, as the next neighbour of the second lane */
+#define NEAR 0     /* of the row next to the strip, as the outermost lane reads it           */
+#define NEXT 1     /* of the row after that, by the same lane                                */
+#define NEAR_TOO 2 /* of the row next to the strip, as the next neighbour of the second lane */
 #define BORDERS (REACH == 2 ? 3 : 1)
 
 /* What stays the same along a strip. */
@@ -125,8 +127,8 @@ run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LA
          const border *below, __global const real *table, __global const uchar *flags, const course *way,
          const parameter_set *parameters, const int with_rim)
 {
-    /* From the last vector upwards, so that each finds the old results of the vector above it, and of the one below it the
-     * values to the right.
+    /* From the last vector upwards, so that each finds the old results of the vector above it, and of the one below it
+     * the values to the right.
      */
     __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = VECTORS - 1; vector >= 0; --vector) {
         const number e = shading[vector][k], here = state->old[0][vector];
@@ -149,17 +151,12 @@ run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LA
 #endif
         __global const real *at = table + vector * LANES;
         const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
-        number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, state->y[vector], parameters);
-#if RIM_CELLS
-        if (with_rim && any_sign(as_integer(e))) {
-            const integer missing = GATHER(integer, flags + vector * LANES * way->skew, way->skew);
-            const number rim = rim_value(magnitude(e), missing, here, way->leftwards ? right[0] : left[0],
-                                         way->leftwards ? left[0] : right[0], way->upwards ? down[0] : up[0],
-                                         way->upwards ? up[0] : down[0], x, state->y[vector], parameters);
-            value = as_integer(e) < 0 ? rim : value;
-        }
-#endif
-        const number result = value < bound_of(here) ? value : here;
+        const axis y = state->y[vector];
+        const number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, y, parameters);
+        const number result =
+            updated(value, e, here, way->leftwards ? right[0] : left[0], way->leftwards ? left[0] : right[0],
+                    way->upwards ? down[0] : up[0], way->upwards ? up[0] : down[0],
+                    flags + vector * LANES * way->skew, way->skew, x, y, parameters, with_rim);
         __attribute__((opencl_unroll_hint(REACH))) for (int next = REACH - 1; next >= 0; --next) {
             state->result[next][vector] = next > 0 ? left[next - 1] : result;
             state->old[next][vector] = right[next];
@@ -174,16 +171,14 @@ static inline int blocks_of(const int width)
     return (width + STRIP_ROWS - 1 + LANES - 1) / LANES;
 }
 
-/* Says how many blocks of a strip are done, after the stores of these. */
+/* Publishes how many blocks of a strip are done, after their stores. */
 static inline void publish(__global volatile int *progress, const int blocks)
 {
     FENCE();
     atomic_xchg(progress, blocks);
 }
 
-/* How many blocks of a strip are done, once that is as many as `wanted`, or has been looked at so often in vain: while the
- * number grows, the wait is not in vain.
- */
+/* How many blocks of a strip are done, once they are as many as `wanted`, or no more for `patience` polls. */
 static inline int wait_for(__global volatile int *progress, const int wanted, const int patience)
 {
     int done = atomic_add(progress, 0);
@@ -196,19 +191,19 @@ static inline int wait_for(__global volatile int *progress, const int wanted, co
     return done;
 }
 
-/* The time that a strip takes, about, in POLLS; a few hundred microseconds at least. */
+/* Polls in about the time that a strip takes; a few hundred microseconds at least. */
 static inline int patience_for(const int width)
 {
     return POLLS + POLLS / 256 * blocks_of(width);
 }
 
-/* Runs a strip from `first_block` on, as far as the strip before it allows: 1 is returned when the strip is done, 0 when
- * the one before has been waited for in vain. All that a strip carries from block to block can be read from memory, so
+/* Runs a strip from `first_block` on, as far as the strip before it allows: returns 1 when the strip is done, 0 when
+ * the wait for the one before has timed out. All that a strip carries from block to block can be read from memory, so
  * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
- * `done_before` of them before this sweep.
+ * `done_before` of them before this sweep. Reads brightness, flags and tables, and reads and writes log_depth in place.
  *
- * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says that
- * all strips are run by this work-item, in order: then nothing is waited for, and `progress` is not used.
+ * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says
+ * that all strips are run by this work-item, in order: then nothing is waited for, and `progress` is not used.
  */
 static inline __attribute__((always_inline)) int
 run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
@@ -228,7 +223,9 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
     const real to_p = parameters->sign * parameters->half_inverse_dx;
     const real to_q = parameters->sign * parameters->half_inverse_dy;
-    const course way = {column_step, skew, leftwards, upwards, stride, leftwards ? -to_p : to_p, upwards ? -to_q : to_q};
+    const course way = {
+        column_step, skew, leftwards, upwards, stride, leftwards ? -to_p : to_p, upwards ? -to_q : to_q,
+    };
 
     long cell = row * stride + column; /* of lane 0 */
     /* Lanes run against the columns: rightwards through the reversed half of the table. */
@@ -237,7 +234,8 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     lanes state;
     for (int vector = 0; vector < VECTORS; ++vector) {
         const long first = cell + vector * LANES * skew;
-        state.y[vector] = gather_axis(row_table, rows, row + (upwards ? -LANES * vector : LANES * vector), upwards ? -1 : 1);
+        const long at = row + (upwards ? -LANES * vector : LANES * vector);
+        state.y[vector] = gather_axis(row_table, rows, at, upwards ? -1 : 1);
         for (int k = 0; k < REACH; ++k) {
             state.old[k][vector] = GATHER(number, log_depth + first + k * column_step, skew);
             state.result[k][vector] = GATHER(number, log_depth + first - (k + 1) * column_step, skew);

@@ -1,10 +1,11 @@
-/* A third of a sweep: all cells of one colour, which is (row + column) modulo 3. With second-order differences a cell reads
- * two neighbours on every side, none of which has its colour. Three launches visit every cell once.
+/* A third of a sweep: all cells of one colour, which is (row + column) modulo 3. With second-order differences a cell
+ * reads two neighbours on every side, none of which has its colour. Three launches visit every cell once.
  *
- * One work-item updates one cell: global size (width, height, images). In place.
+ * One work-item takes one cell, and updates it if it has the colour: global size (width, height, images). Reads and
+ * writes log_depth in place.
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
-                    __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+                    __global const real *brightness,   /* E, marked as in update.cl, same shape               */
                     __global const uchar *flags,       /* same shape                                          */
                     __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride)                           */

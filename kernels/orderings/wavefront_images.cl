@@ -1,8 +1,9 @@
-/* Whole iterations of whole images, each by one work-item: for images so small that a launch for each sweep would cost
- * more than the sweep, or so many that every processor has its own. An image stays in the cache of its processor from
- * sweep to sweep, and nothing is waited for. The values are bit for bit those of the other variants.
+/* Whole iterations of whole images: four sweeps by anti-diagonals, each followed by the renewal of the boundary, and
+ * then the largest change. For images so small that a launch for each sweep would cost more than the sweep, or so many
+ * that every processor has its own. The values are bit for bit those of the other variants.
  *
- * Work-group size 1; any number of groups, which draw images by an atomic ticket. In place.
+ * One work-item takes an image, which stays in the cache of its processor from sweep to sweep, and waits for nothing.
+ * Work-group size 1; any number of groups, which draw images by an atomic ticket. Reads and writes log_depth in place.
  */
 static inline void run_sweep(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
                              const parameter_set *parameters, __global const real *column_table,
@@ -22,7 +23,7 @@ static inline void run_sweep(__global real *log_depth, __global const real *brig
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 iterate(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl              */
-        __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
+        __global const real *brightness,   /* E, marked as in update.cl, same shape                            */
         __global const uchar *flags,       /* same shape                                                       */
         __global const parameter_set *parameters, /* shape (images,)                                                  */
         __global const real *column_table, /* as in strip.cl, shape (images, 6, stride)                        */

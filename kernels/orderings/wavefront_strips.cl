@@ -1,4 +1,4 @@
-/* Sweeps by anti-diagonals, bit for bit the lexicographic ones, in one launch: strips that follow each other closely.
+/* Up to four sweeps by anti-diagonals, bit for bit the lexicographic ones, in one launch by strips that overlap in time.
  *
  *      strip 0   ####====....      A strip may run as long as the one before it is STRIP_ROWS - 1 columns ahead, which
  *      strip 1   ##==........      says how many blocks it has finished.
@@ -9,15 +9,16 @@
  * strips, where each waits for the slower one, and a strip is still in the cache when the second sweep comes. The third
  * sweep, which turns round, begins where the second ends.
  *
- * A work-group claims a strip that can run at once, or else the first that nobody has, so that the one waited for is done
- * or someone else's. A wait is short while every group has a processor. When one has lost its own (other programs want it
- * too), the groups that wait would keep theirs from it: a group that has waited in vain hands its strip back and ends, and
- * the group that was waited for takes the strip up when it comes to it. The last group never ends before all is done:
- * there is no wait in vain, however the groups are scheduled.
+ * A work-group claims a strip that can run at once, or else the first that is unclaimed, so that the one it waits for
+ * is done or another group's. A wait is short while every group has a processor. When one has lost its own to another
+ * program, the groups that wait would keep theirs from it: a group whose wait times out hands its strip back and ends,
+ * and the group that was waited for takes the strip up when it comes to it. The last group never ends before all is
+ * done: there is no deadlock, however the groups are scheduled.
  *
- * Work-group size 1; any number of groups. Strips of several images follow each other in turn: first strip of each
- * image, second strip of each, and so on. `sync` counts over the whole run and is never reset: groups that have ended,
- * once for each sweep of their launch, the sweeps in which each strip has been claimed, and the blocks each has finished.
+ * A work-item runs along a strip, see strip.cl. Work-group size 1; any number of groups. Strips of several images
+ * follow each other in turn: first strip of each image, second strip of each, and so on. `sync` counts over the whole
+ * run and is never reset: groups that have ended, once for each sweep of their launch, the sweeps in which each strip
+ * has been claimed, and the blocks that each has finished. Reads and writes log_depth in place.
  */
 #define ENDED 0
 #define FIRST_CLAIM 1
@@ -35,20 +36,20 @@ static inline __global volatile int *progress_of(const launch *all, const int im
     return all->progress + (image * all->strips + strip) * APART;
 }
 
-/* Blocks that a strip counts when so many sweeps of this launch are over. */
+/* Blocks that a strip has counted when so many sweeps of this launch are over. */
 static inline int blocks_after(const launch *all, const int sweeps)
 {
     return (all->sweeps_before + sweeps) * all->blocks;
 }
 
-/* Of the sweep before, the strip that must be done before this one may begin. */
+/* The strip of the sweep before that must be done before this one may begin. */
 static inline int strip_to_leave(const launch *all, const int sweep, const int strip)
 {
     const int turns_round = ((all->first_sweep + sweep) & 1) == 0;
     return turns_round ? all->strips - 1 : min(strip + 1, all->strips - 1);
 }
 
-/* Whether a strip can run without a wait, as far as one can tell. */
+/* Whether a strip can run without a wait, as far as the counters say now. */
 static inline int ready(const launch *all, const int number, const int sweep)
 {
     const int image = number % all->images, strip = number / all->images;
@@ -57,7 +58,7 @@ static inline int ready(const launch *all, const int number, const int sweep)
     return sweep == 0 || *progress_of(all, image, strip_to_leave(all, sweep, strip)) >= blocks_after(all, sweep);
 }
 
-/* A strip for this group and its sweep; `number` is that of all strips when nobody is wanted any more. */
+/* Claims a strip and a sweep for this group, and returns its number; that of all strips if there is none left. */
 static inline int claim(const launch *all, int *sweep_of_strip)
 {
     const int total = all->strips * all->images;
@@ -92,7 +93,7 @@ static inline int all_claimed(const launch *all)
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl             */
-      __global const real *brightness,   /* E, marked as in cell.cl, same shape                              */
+      __global const real *brightness,   /* E, marked as in update.cl, same shape                            */
       __global const uchar *flags,       /* same shape                                                       */
       __global const parameter_set *parameters, /* shape (images,)                                                  */
       __global const real *column_table, /* as elsewhere, and once more reversed, shape (images, 6, stride)  */
@@ -147,7 +148,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 continue;
             atomic_xchg(all.claims + number, sweeps_before + sweep_of_strip);
         }
-        /* The last group to end sees all that the others have handed back, and goes on if that is anything. */
+        /* The last group to end sees all that the others have handed back, and goes on if there is any. */
         if (atomic_add(sync + ENDED, sweeps) < last_to_end)
             return;
         if (number == total && all_claimed(&all))

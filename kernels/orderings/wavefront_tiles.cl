@@ -1,5 +1,6 @@
-/* One sweep by anti-diagonals, bit for bit the lexicographic one: with the five-point stencil the cells of one
- * anti-diagonal do not read each other. The variant for devices that want many work-items; no group waits for another.
+/* One sweep by anti-diagonals, bit for bit the lexicographic one: the cells of one anti-diagonal do not read each
+ * other, since they read only neighbours along x and y. The variant for devices with many work-items; no group waits
+ * for another.
  *
  * The grid is cut into tiles; the tiles of one anti-diagonal of tiles are independent too, and make one launch. A
  * work-group takes a tile, a work-item one row of it. In step s the item of row r updates column s - r of the tile, so
@@ -14,7 +15,7 @@
  */
 __kernel __attribute__((reqd_work_group_size(TILE_ROWS, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
-      __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+      __global const real *brightness,   /* E, marked as in update.cl, same shape               */
       __global const uchar *flags,       /* same shape                                          */
       __global const parameter_set *parameters, /* shape (images,)                                     */
       __global const real *column_table, /* shape (images, 3, stride)                           */

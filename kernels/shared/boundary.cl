@@ -4,16 +4,17 @@
  *     extrapolate:  Z_0 = min(max(2 Z_1 - Z_2, lowest), Z_0)
  *
  * with Z_1 and Z_2 the next two cells inwards. A cell may look inwards along x, along y, or both (corners): the smaller
- * value counts. As in a sweep, no cell may lie more than one step above a neighbour.
+ * value counts. As in a sweep, no cell may lie more than one step, step_x or step_y, above a neighbour.
  *
  * The cells of an image are renewed in two passes, edges first and corners last, since a corner may look along an edge.
- * Within a pass all values are computed before the first is written, so that their order is of no consequence. These
- * functions are for work-item `item` of `items`, and for the cells from `begin` to `end` of the lists:
+ * Within a pass all values are computed, from `log_depth` to `renewed`, before the first is written back, so that the
+ * order of the cells does not matter. Work-item `item` of `items` takes every `items`-th cell from `begin` to `end` of
+ * the lists:
  *
- *     cells      indices into the stored image
- *     inwards    near and far cell along x, near and far along y, NONE where the cell does not look that way
- *     beside     cells left, right, up and down, or NONE
- *     counts     where an image's cells begin, how many edges, how many corners, shape (images, 3)
+ *     cells         indices into the stored image
+ *     inwards       near and far cell along x, near and far along y, NONE where the cell does not look that way
+ *     neighbours    cells left, right, up and down, or NONE
+ *     counts        where an image's cells begin, how many edges, how many corners, shape (images, 3)
  */
 #define NONE (-1)
 
@@ -45,12 +46,12 @@ static inline int2 part_of(__global const int *counts, const int image, const in
 }
 
 static inline void compute_renewed(__global const real *log_depth, const parameter_set *parameters,
-                                   __global const int4 *inwards, __global const int4 *beside, __global real *renewed,
-                                   const int begin, const int end, const int item, const int items, const int linear,
-                                   const real lowest)
+                                   __global const int4 *inwards, __global const int4 *neighbours,
+                                   __global real *renewed, const int begin, const int end, const int item,
+                                   const int items, const int linear, const real lowest)
 {
     for (int k = begin + item; k < end; k += items) {
-        const int4 look = inwards[k], next = beside[k];
+        const int4 look = inwards[k], next = neighbours[k];
         const real outwards = lower(inward(log_depth, look.x, look.y, linear, lowest),
                                     inward(log_depth, look.z, look.w, linear, lowest));
         const real highest =

@@ -1,13 +1,11 @@
-/* One Gauss-Seidel step of one cell, in place, by value_of, from first_order.cl or second_order.cl, and by the scheme's
- * rim_value.
+/* One Gauss-Seidel step of one cell, in place: its value by value_of of first_order.cl or second_order.cl, accepted by
+ * update.cl. The variant for one cell a work-item at a time: LANES is 1.
  *
- * In `brightness` a NaN marks a cell that is not swept: no comparison accepts its candidate. A set sign marks a swept
- * cell on the rim, with a neighbour missing, for schemes that have to know; only there are its flags read.
+ * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where its value changes.
  */
-
-static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)    */
-                               __global const real *brightness, /* marked as above, same shape          */
-                               __global const uchar *flags,     /* see prelude, same shape              */
+static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
+                               __global const real *brightness, /* marked as in update.cl, same shape */
+                               __global const uchar *flags,     /* see prelude.cl, same shape          */
                                const size_t cell, const int stride, const int leftwards, const int upwards,
                                const axis x, const axis y, const parameter_set *parameters)
 {
@@ -26,12 +24,9 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
         up[k] = at[-(k + 1) * row_step];
         down[k] = at[(k + 1) * row_step];
     }
-    real value = value_of(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
-#if RIM_CELLS
-    if (any_sign(as_integer(shading)))
-        value = rim_value(magnitude(shading), flags[cell], here, at[-1], at[1], at[-(long)stride], at[stride],
-                          x, y, parameters);
-#endif
-    if (value < bound_of(here))
-        log_depth[cell] = value;
+    const real value = value_of(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
+    const real result = updated(value, shading, here, at[-1], at[1], at[-(long)stride], at[stride], flags + cell, 1, x,
+                                y, parameters, 1);
+    if (result != here)
+        log_depth[cell] = result;
 }

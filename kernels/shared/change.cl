@@ -1,4 +1,8 @@
-/* Largest change of Z since `previous`, which becomes the present Z, over vectors `first`, `first + step`, ... of cells. */
+/* The largest change of an iteration, max |Z - Z_previous|, by which it is decided whether the iteration has converged.
+ *
+ * Reads the vectors `first`, `first + step`, ... of cells up to `last`; `previous` becomes the present Z. NaN counts as
+ * no change.
+ */
 static inline float largest_change(__global const real *log_depth, __global real *previous, const size_t first,
                                    const size_t last, const size_t step)
 {

@@ -1,16 +1,18 @@
-/* What every program begins with: number types, multiply-add, and the meaning of a cell's flags.
+/* What every program begins with: the types of numbers, arithmetic that rounds the same in all variants, and the flags
+ * of cells. The structure parameter_set follows, see persfs_cl/_cl/parameters.py, and then what kernels/README.md says.
  *
  * USE_DOUBLE  0 or 1: the real type.
  * LANES       1, 2, 4 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an
- *             integer of the same width. No more than a register of the compiler's holds: see registers.cl.
+ *             integer of the same width. At most as many as a vector register holds: see registers.cl.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
  * ONLY_LOWER  0 or 1: whether values only fall; they may rise by the correction to second order.
- * FUSED       1: multiply-add is the library's; 0: a product and a sum that the compiler contracts, where the former is a
- *             function call.
- * BUILTINS    1: the compiler's own functions for what the library lacks or does by a call: square root, prefetch, fence.
+ * FUSED       1: multiply-add is the built-in fma; 0: a product and a sum that the compiler contracts, for drivers in
+ *             which fma is a function call.
+ * BUILTINS    1: the compiler's own functions for square root, prefetch and fence, which OpenCL C lacks or which are
+ *             function calls there.
  *
- * Contraction is off elsewhere and every fused multiply-add is written out, so that two orderings compiled from the same
- * cell update give the same bits on a device.
+ * Contraction is off elsewhere and every fused multiply-add is written out, so that two orderings compiled from the
+ * same cell update give the same bits on a device.
  */
 #ifndef REACH
 #define REACH 1
@@ -42,8 +44,8 @@ typedef WIDE(INTEGER) integer;
 #define as_integer JOIN(as_, WIDE(INTEGER))
 #define as_number JOIN(as_, WIDE(REAL))
 
-/* What depends on the direction in which one looks for the neighbours before a cell. At first order all lanes look where
- * the sweep comes from, at second order each looks where its information comes from.
+/* A number that depends on the side of the upwind neighbours. At first order that is the side which the sweep comes
+ * from, the same for all lanes; at second order each lane has its own.
  */
 #if REACH == 2
 typedef number sided;
@@ -61,7 +63,7 @@ typedef number unaligned __attribute__((aligned(sizeof(real))));
 #define STORE(to, value) (*(to) = (value))
 #endif
 
-/* `from` at 0, `apart`, 2 apart, ... for each lane. A conversion would be a call of the library. */
+/* The elements 0, `apart`, 2 apart, ... of `from`, one for each lane; convert_ would be a function call. */
 #if LANES == 8
 #define GATHER(wide, from, apart)                                                                                      \
     ((wide)((from)[0], (from)[apart], (from)[2 * (apart)], (from)[3 * (apart)], (from)[4 * (apart)],                   \
@@ -87,7 +89,12 @@ static inline number contracted(const number a, const number b, const number c)
 #define FUSED_MULTIPLY_ADD contracted
 #endif
 #define multiply_add(a, b, c) FUSED_MULTIPLY_ADD((number)(a), (number)(b), (number)(c))
-#define multiply_subtract_from(c, a, b) FUSED_MULTIPLY_ADD(-(number)(a), (number)(b), (number)(c))
+#define fnma(a, b, c) FUSED_MULTIPLY_ADD(-(number)(a), (number)(b), (number)(c))
+
+/* In each lane a where the condition holds, b elsewhere. As in multiply_add, a b + c, and in fnma, c - a b, a scalar
+ * stands for all lanes; the operator ?: wants two of the same type.
+ */
+#define choose(condition, a, b) ((condition) ? (number)(a) : (number)(b))
 
 #if BUILTINS && USE_DOUBLE
 #define ROOT __builtin_sqrt
@@ -125,7 +132,7 @@ static inline number root(const number a)
 #endif
 }
 
-/* Plain comparisons: one instruction, where fmin and fmax look after NaN. A NaN in `a` gives b. */
+/* Plain comparisons: one instruction, where fmin and fmax handle NaN. A NaN in `a` gives b. */
 static inline number least(const number a, const number b)
 {
     return a < b ? a : b;
@@ -141,12 +148,12 @@ static inline number magnitude(const number a)
     return most(a, -a);
 }
 
-/* 1 - E^2: the square of the sine between normal and light, where E is the cosine. Written so that the NaN of a cell that
- * is not swept stays one.
+/* 1 - E^2: the square of the sine between normal and light, where E is the cosine. Written so that the NaN of a cell
+ * that is not swept stays one.
  */
 static inline number darkness(const number brightness)
 {
-    return most((number)0, ((number)1 - brightness) * ((number)1 + brightness));
+    return most(0, (1 - brightness) * (1 + brightness));
 }
 
 /* Whether the sign bit of any lane is set. */
@@ -171,13 +178,15 @@ static inline int any_sign(const integer bits)
 #endif
 }
 
-/* Stands for the value of a cell that is not there. Finite, so that its difference from itself is 0. */
+/* The value of a cell that is missing: so high that it is never the upwind one. Finite, so that its difference from
+ * itself is 0.
+ */
 #define NOWHERE ((real)1e30f)
 
 /* What a new value must lie below. */
 static inline number bound_of(const number here)
 {
-    return ONLY_LOWER ? here : (number)(0.5f * NOWHERE);
+    return choose(ONLY_LOWER, here, 0.5f * NOWHERE);
 }
 
 /* Flags of a cell. A neighbour is missing where the image or the mask ends, or where a wall stands. */
@@ -187,20 +196,20 @@ static inline number bound_of(const number here)
 #define NO_UP 8
 #define NO_DOWN 16
 
-/* A gradient, or what else has a part along x and one along y. */
+/* A gradient or a normal: a component along x and one along y. */
 typedef struct {
     number p, q;
 } slopes;
 
-/* Numbers of a column or of a row, from a table made on the host. */
+/* Numbers of the columns or rows of the lanes, from a table made on the host. */
 typedef struct {
-    number coordinate; /* x or y                                                          */
-    number root;       /* sqrt(1 + x^2) / (2 dx), likewise for y: see lax_friedrichs.cl    */
-    number offset;     /* |x - p0| / (2 k dx), likewise for y                              */
+    number coordinate; /* x or y                                                             */
+    number root;       /* sqrt(1 + x^2) / (2 dx), likewise for y: for the model's viscosity  */
+    number offset;     /* |x - p0| / (2 k dx), likewise for y                                */
 } axis;
 
 #if LANES == 1
-/* Table of one axis: coordinate, root and offset, each of `length` numbers. */
+/* Those of column or row `index`; the table holds `length` coordinates, as many roots and as many offsets. */
 static inline axis axis_at(__global const real *table, const int length, const int index)
 {
     const axis result = {table[index], table[length + index], table[2 * length + index]};

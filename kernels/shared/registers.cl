@@ -1,6 +1,8 @@
-/* What vector registers the compiler uses, by what it defines for the processor that it compiles for. A driver may say that
- * a device has wider ones, and a vector wider than the compiler's own goes through memory wherever a function takes one.
- * 0: it does not say. Nothing but the compiler's own words will do, so compilers without these words are not asked further.
+/* Bits of the vector registers that the compiler uses, by the macros that it defines for its target processor; 0 where
+ * it defines none. A driver may claim wider registers than its compiler uses, and a vector wider than these is passed
+ * to functions in memory: so no other source is asked.
+ *
+ * One work-item writes the one number: global size (1,).
  */
 #if defined(__AVX512F__)
 #define REGISTER_BITS 512

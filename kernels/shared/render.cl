@@ -1,7 +1,8 @@
-/* The forward model: brightness of a surface from its log depth and the slopes of that.
+/* The forward model, eq. (6) for any light: E = rendered(Z, p, q, x, y), of which the model gives the right-hand side.
  *
- * Derivatives are central differences, one-sided beside a missing neighbour, and zero where both are missing. One
- * work-item renders one pixel: global size (width, height). Pixels without depth (flag SWEPT not set) become NaN.
+ * The slopes p = dZ/dx and q = dZ/dy are central differences, one-sided where a neighbour is missing, and 0 where both
+ * are. One work-item renders one pixel: global size (width, height). It reads Z there and at the four neighbours, and
+ * writes the brightness; NaN where the flag SWEPT is not set, since the pixel has no depth.
  */
 static inline real slope(const real before, const real here, const real after, const int no_before, const int no_after,
                          const real half_inverse_spacing)

@@ -1,6 +1,7 @@
-/* The renewal of the boundary as a launch of its own: one work-group an image, whose items share the cells.
+/* The renewal of the boundary cells, eq. (12) by boundary.cl, as a launch of its own.
  *
- * Global size (items, images), work-group size (items, 1). In place.
+ * A work-group takes an image, whose boundary cells its work-items share: global size (items, images), work-group size
+ * (items, 1). Reads and writes log_depth in place.
  */
 __kernel void renew_boundary(__global real *log_depth,        /* shape (images, size)                     */
                              __global const parameter_set *parameters, /* shape (images,)                          */

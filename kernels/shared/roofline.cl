@@ -1,8 +1,10 @@
-/* What a device can do at best, to measure the sweeps against: copies without arithmetic, arithmetic without memory. */
+/* The limits of a device that the sweeps are measured against, as in a roofline model: copies without arithmetic, and
+ * arithmetic without memory traffic.
+ */
 
 typedef float4 block;
 
-/* One work-item copies one block: global size (blocks,). */
+/* to = from. One work-item copies one block: global size (blocks,). */
 __kernel void copy(__global const block *from, /* shape (blocks,) */
                    __global block *to)         /* same shape      */
 {
@@ -12,8 +14,9 @@ __kernel void copy(__global const block *from, /* shape (blocks,) */
 
 #define CHAINS 12
 
-/* Chains of multiply-adds that do not wait for each other, enough of them to hide the latency. Unlike in the sweeps the
- * compiler may fuse them. One work-item does 2 * CHAINS * LANES * rounds floating-point operations: global size any.
+/* CHAINS independent recurrences a <- a factor + summand, enough of them to hide the latency. Unlike in the sweeps the
+ * compiler may fuse the operations. One work-item does 2 * CHAINS * LANES * rounds floating-point operations and writes
+ * one number: global size any.
  */
 __kernel void multiply_adds(__global real *results, /* what keeps the chains from being left out, shape (items,) */
                             const int rounds,       /* length of a chain                                         */
@@ -23,7 +26,7 @@ __kernel void multiply_adds(__global real *results, /* what keeps the chains fro
 #pragma OPENCL FP_CONTRACT ON
     number chains[CHAINS];
     for (int k = 0; k < CHAINS; ++k)
-        chains[k] = (number)(real)(k + 1);
+        chains[k] = k + 1;
     for (int round = 0; round < rounds; ++round)
         __attribute__((opencl_unroll_hint(CHAINS))) for (int k = 0; k < CHAINS; ++k)
             chains[k] = chains[k] * factor + summand;

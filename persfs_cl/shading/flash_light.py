@@ -167,9 +167,9 @@ class FlashLight(Light):
             )
         if self.coaxial:
             return model
-        kernels = ("elementary", reflectance.kernel, "steepness", "light_cone", "lamp_beside")
+        kernels = ("elementary", reflectance.kernel, "steepness", "light_cone", "off_axis_lamp")
         return OffAxisModel(
-            self, reflectance, kernels, ("climb", "upwind_beside"), in_rounds=not reflectance.perfectly_matt
+            self, reflectance, kernels, ("climb", "upwind_off_axis"), in_rounds=not reflectance.perfectly_matt
         )
 
     def prefers_upwind(self, reflectance: Reflectance) -> bool:

@@ -233,7 +233,7 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
     flash = ["elementary", "lambertian", "flash_light", "steepness", "upwind_flash"]
     parallel = ["light_cone", "parallel_light", "climb", "upwind"]
     headlight = ["elementary", "lambertian", "headlight", "climb", "upwind"]
-    beside = ["elementary", "lambertian", "steepness", "light_cone", "lamp_beside", "climb", "upwind_beside"]
+    beside = ["elementary", "lambertian", "steepness", "light_cone", "off_axis_lamp", "climb", "upwind_off_axis"]
     lights: tuple[Light, ...] = (
         ps.ParallelLight(),
         ps.FlashLight(falloff=False),

@@ -23,7 +23,7 @@ class Checkerboard(Ordering):
     @property
     def kernels(self) -> tuple[str, ...]:
         """With a cell update of its own, which is of first order."""
-        return "colour", self.file
+        return "update", "colour", self.file
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """Columns apart."""

@@ -40,7 +40,7 @@ class CheckerboardBands(Ordering):
     @property
     def kernels(self) -> tuple[str, ...]:
         """With a cell update of its own, which is of first order."""
-        return "colour", "change", self.file
+        return "update", "colour", "change", self.file
 
     @property
     def definitions(self) -> dict[str, int]:

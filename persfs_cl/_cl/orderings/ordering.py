@@ -79,7 +79,7 @@ class Ordering:
 
     file: ClassVar[str]
     function: ClassVar[str] = "sweep"
-    before: ClassVar[tuple[str, ...]] = ("cell",)
+    before: ClassVar[tuple[str, ...]] = ("update", "cell")
     reason: ClassVar[str]
     for_want_of_vectors: ClassVar[bool] = False
     vectors_down: ClassVar[bool] = False

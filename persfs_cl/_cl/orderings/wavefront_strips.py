@@ -23,7 +23,10 @@ class WavefrontStrips(Strips):
     """Strips of an image shared out to work-groups, up to four sweeps a launch."""
 
     file: ClassVar[str] = "wavefront_strips"
-    before: ClassVar[tuple[str, ...]] = ("strip",)
+    before: ClassVar[tuple[str, ...]] = (
+        "update",
+        "strip",
+    )
     reason: ClassVar[str] = "A large image is shared out to the processors in strips, which vectors run along."
     sweeps_together: ClassVar[bool] = True
 
