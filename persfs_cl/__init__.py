@@ -19,9 +19,9 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
-    from persfs_cl.io.photos import read_image, read_photo
+    from persfs_cl.io.photos import read_depth, read_image, read_light, read_mask, read_photo
     from persfs_cl.metrics import Errors, compare
-    from persfs_cl.preparation.normalise import normalise_grey
+    from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
     from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
     from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
     from persfs_cl.scenes.meshes import mesh_scene
@@ -47,8 +47,8 @@ else:
             "PersfsError",
         ),
         "surface.render": ("render",),
-        "preparation.normalise": ("normalise_grey",),
-        "io.photos": ("read_image", "read_photo"),
+        "preparation.normalise": ("clip_highlights", "mean_filter", "normalise_grey", "normalise_linear"),
+        "io.photos": ("read_depth", "read_image", "read_light", "read_mask", "read_photo"),
         "shading.light": ("FlashLight", "ParallelLight"),
         "metrics": ("Errors", "compare"),
         "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
@@ -101,13 +101,19 @@ __all__ = [
     "Status",
     "bump",
     "bumps",
+    "clip_highlights",
     "compare",
     "devices",
     "hillside",
+    "mean_filter",
     "mesh_scene",
     "normalise_grey",
+    "normalise_linear",
     "prepare_photo",
+    "read_depth",
     "read_image",
+    "read_light",
+    "read_mask",
     "read_photo",
     "reconstruct",
     "reconstruct_batch",

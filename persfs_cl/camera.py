@@ -45,7 +45,7 @@ _WIDEST = math.tan(math.radians(_WIDEST_DEGREES))
 _LEAST_TANGENT = 1e-100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PixelGrid:
     """Normalised image coordinates of the pixel centres of one image.
 
@@ -63,6 +63,9 @@ class PixelGrid:
     y: NDArray[np.float64]
     dx: float
     dy: float
+
+    def __repr__(self) -> str:
+        return f"<PixelGrid, {self.x.size} x {self.y.size} pixels, dx={self.dx:.4g}, dy={self.dy:.4g}>"
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,13 @@ class Camera:
     ------
     CameraError
         When a focal length is not a number between 0.001 and 1e9, or the principal point is not two finite numbers.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> camera = ps.Camera(focal_length=590.0, principal_point=(270, 270))
+    >>> camera.fx, camera.fy, camera.principal_point
+    (590.0, 590.0, (270.0, 270.0))
     """
 
     focal_length: float | tuple[float, float]
@@ -132,6 +142,17 @@ class Camera:
             When the ray of a pixel lies more than 85 degrees from the optical axis.
         InputError
             When `shape` is not an image's.
+
+        Examples
+        --------
+        In a view of 90 degrees the edges of the image lie at x = ±1, half a pixel beyond the outermost centres:
+
+        >>> import persfs_cl as ps
+        >>> grid = ps.Camera.from_fov(90.0, (3, 4)).grid((3, 4))
+        >>> grid.x
+        array([-0.75, -0.25,  0.25,  0.75])
+        >>> grid.y.shape
+        (3, 1)
         """
         height, width = _image_shape(shape)
         cx, cy = self.centre((height, width))
@@ -148,7 +169,19 @@ class Camera:
         return PixelGrid(x, y, 1 / self.fx, 1 / self.fy)
 
     def warn_if_off_image(self, shape: tuple[int, int]) -> None:
-        """Warn where the principal point lies outside an image of shape (height, width): for a crop, or by a slip."""
+        """Warn where the principal point lies outside an image of shape (height, width): for a crop, or by a slip.
+
+        Examples
+        --------
+        >>> import warnings
+        >>> import persfs_cl as ps
+        >>> camera = ps.Camera(focal_length=100.0, principal_point=(500.0, 20.0))
+        >>> with warnings.catch_warnings(record=True) as said:
+        ...     warnings.simplefilter("always")
+        ...     camera.warn_if_off_image((40, 60))
+        >>> len(said)
+        1
+        """
         height, width = shape
         cx, cy = self.centre(shape)
         if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
@@ -159,7 +192,14 @@ class Camera:
             )
 
     def centre(self, shape: tuple[int, int]) -> tuple[float, float]:
-        """The principal point in an image of shape (height, width): as given, or else the middle."""
+        """The principal point in an image of shape (height, width): as given, or else the middle.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> ps.Camera(focal_length=100.0).centre((40, 60))
+        (29.5, 19.5)
+        """
         height, width = shape
         return self.principal_point or ((width - 1) / 2, (height - 1) / 2)
 
@@ -192,6 +232,12 @@ class Camera:
             When the angle or the principal point is impossible.
         InputError
             When `image_shape` is not an image's.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> round(ps.Camera.from_fov(60.0, (480, 640)).fx, 3)
+        554.256
         """
         _, width = _image_shape(image_shape)
         angle = finite_numbers(horizontal_degrees)
@@ -237,6 +283,23 @@ class Camera:
         UserWarning
             When FocalPlaneXResolution is used and an editor may have resized the photo without mending it: the photo
             is small, or names an editor. When the two ways differ by more than a tenth.
+
+        Examples
+        --------
+        A photo taken as with a 26 mm lens on 35 mm film:
+
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> from PIL import ExifTags, Image
+        >>> import persfs_cl as ps
+        >>> exif = Image.Exif()
+        >>> exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 26
+        >>> with TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "photo.jpg"
+        ...     Image.new("L", (400, 300)).save(path, exif=exif)
+        ...     camera = ps.Camera.from_exif(path)
+        >>> round(camera.fx, 1)
+        300.5
         """
         return cls(exif_focal_length(path)[0])
 
@@ -258,6 +321,12 @@ class Camera:
         CameraError
             When the matrix is not of this form: wrong shape, not finite, focal lengths not above 0, a skew of
             more than a millionth of the focal length, or another last row.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> ps.Camera.from_matrix([[590.0, 0.0, 320.0], [0.0, 588.0, 240.0], [0.0, 0.0, 1.0]])
+        Camera(focal_length=(590.0, 588.0), principal_point=(320.0, 240.0))
         """
         try:
             k = as_array("matrix", matrix)

@@ -19,6 +19,9 @@ from persfs_cl.errors import InputError
 _MOST_NUMBERS = 2**31
 """An array of more, such as a broadcast one that takes no memory, would be copied, and take all there is."""
 
+NEAREST, FARTHEST = 1e-30, 1e30
+"""Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
+
 changing_warnings = threading.RLock()
 """Held around `warnings.catch_warnings`, which changes a state that all threads share.
 

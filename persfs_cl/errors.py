@@ -23,7 +23,7 @@ class InputError(PersfsError, ValueError):
     """An image, mask, depth or option cannot be used as it was given."""
 
 
-class CameraError(PersfsError):
+class CameraError(PersfsError, ValueError):
     """The camera is impossible, or a file does not say what the camera was."""
 
 

@@ -88,6 +88,13 @@ class Photo:
         The largest number that a file of this type can hold, where sensors saturate; None for floats.
     orientation : int
         How EXIF turned the photo: 1 not at all, 2 to 8 as EXIF numbers them. The arrays are upright already.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> ps.read_photo(files("persfs_cl") / "data" / "coin.png")
+    <Photo 'coin.png', 72 x 72 pixels of 8 bits, srgb, luminance>
     """
 
     image: Array
@@ -102,8 +109,27 @@ class Photo:
     white: float | None
     orientation: int = 1
 
+    def __repr__(self) -> str:
+        height, width = self.image.shape
+        alpha = "" if self.mask is None else ", with alpha"
+        return (
+            f"<Photo {self.path.name!r}, {width} x {height} pixels of {self.bits} bits{alpha}, {self.encoding}, "
+            f"{self.channel}>"
+        )
+
     def linear(self, samples: ArrayLike) -> Array:
-        """Linear light, on the scale of `image`, of numbers as the file holds them: grey levels of an 8-bit photo."""
+        """Linear light, on the scale of `image`, of numbers as the file holds them: grey levels of an 8-bit photo.
+
+        Examples
+        --------
+        The light of a grey level, such as a black level that was measured in the file:
+
+        >>> from importlib.resources import files
+        >>> import persfs_cl as ps
+        >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png")
+        >>> photo.linear([0, 128, 255]).round(3)
+        array([0.   , 0.216, 1.   ])
+        """
         share = np.asarray(samples, dtype=np.float64) / (self.white or 1.0)
         return decode_srgb(share) if self.encoding == "srgb" else share
 
@@ -150,6 +176,14 @@ def read_image(path: FilePath, *, channel: Channel = "luminance", encoding: Enco
     ------
     InputError
         As `read_photo`.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> image = ps.read_image(files("persfs_cl") / "data" / "coin.png")
+    >>> image.shape, image.dtype
+    ((72, 72), dtype('float64'))
     """
     return read_photo(path, channel=channel, encoding=encoding).image
 
@@ -192,6 +226,16 @@ def read_photo(
     -----
     UserWarning
         When the file is damaged or odd, but was read.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png", channel="green")
+    >>> photo.bits, photo.encoding, photo.white, photo.mask
+    (8, 'srgb', 255.0, None)
+    >>> photo.image.shape, photo.colour.shape
+    ((72, 72), (72, 72, 3))
     """
     check_choice("channel", channel, get_args(Channel))
     check_choice("encoding", encoding, get_args(Encoding))
@@ -277,6 +321,19 @@ def read_light(
     -----
     UserWarning
         When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> with TemporaryDirectory() as folder:
+    ...     np.save(Path(folder) / "dark.npy", np.full((2, 3), 0.25))
+    ...     dark = ps.read_light(Path(folder) / "dark.npy", (2, 3))
+    >>> dark
+    array([[0.25, 0.25, 0.25],
+           [0.25, 0.25, 0.25]])
     """
     path = as_path(path)
     own = 1
@@ -319,6 +376,14 @@ def read_mask(path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -
     -----
     UserWarning
         When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> mask = ps.read_mask(files("persfs_cl") / "data" / "coin_mask.png", (72, 72))
+    >>> mask.dtype, bool(mask[0, 0]), bool(mask[36, 36])
+    (dtype('bool'), False, True)
     """
     path = as_path(path)
     own = 1
@@ -370,6 +435,19 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
     -----
     UserWarning
         When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> with TemporaryDirectory() as folder:
+    ...     np.save(Path(folder) / "depth.npy", np.array([[1500, 0], [1480, 1470]], np.uint16))
+    ...     depth = ps.read_depth(Path(folder) / "depth.npy")
+    >>> depth
+    array([[1500.,   nan],
+           [1480., 1470.]])
     """
     path = as_path(path)
     own = 1
@@ -412,6 +490,12 @@ def to_display(light: ArrayLike) -> NDArray[np.uint8]:
     Returns
     -------
     ndarray of uint8, of the same shape
+
+    Examples
+    --------
+    >>> from persfs_cl.io import to_display
+    >>> to_display([0.0, 0.5, 1.0])
+    array([  0, 188, 255], dtype=uint8)
     """
     return _quantised(encode_srgb(light), 8).astype(np.uint8, copy=False)
 
@@ -430,6 +514,17 @@ def write_depth(path: FilePath, depth: ArrayLike) -> None:
     ------
     InputError
         When the suffix is another, `depth` is no (H, W) array of numbers, or the file cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.io import read_depth, write_depth
+    >>> with TemporaryDirectory() as folder:
+    ...     write_depth(Path(folder) / "depth.tiff", np.array([[1.25, np.nan]]))
+    ...     read_depth(Path(folder) / "depth.tiff")
+    array([[1.25,  nan]])
     """
     import tifffile
 
@@ -470,6 +565,16 @@ def write_grey(
     InputError
         When an option or the suffix is another, `image` is no (H, W) array of numbers, or the file cannot
         be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from persfs_cl.io import read_image, write_grey
+    >>> with TemporaryDirectory() as folder:
+    ...     write_grey(Path(folder) / "image.png", [[0.0, 0.2, 1.0]], bits=16)
+    ...     read_image(Path(folder) / "image.png").round(3)
+    array([[0. , 0.2, 1. ]])
     """
     import imageio.v3
 

@@ -156,6 +156,14 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
     ------
     InputError
         When `size` is not such a number, or `image` or `mask` cannot be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.mean_filter([[0, 0, 0], [0, 9, 0], [0, 0, 0]], 3)
+    array([[2.25, 1.5 , 2.25],
+           [1.5 , 1.  , 1.5 ],
+           [2.25, 1.5 , 2.25]])
     """
     values, inside = checked(image, mask)
     if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
@@ -200,6 +208,13 @@ def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentil
     InputError
         When all pixels up to the percentile have one value, `percentile` is impossible, or `image` or `mask` cannot
         be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.normalise_grey([[50, 100], [150, 250]])
+    array([[0.  , 0.25],
+           [0.5 , 1.  ]])
     """
     values, inside = checked(image, mask)
     darkest, brightest = float(values[inside].min()), _percentile(values, inside, percentile)
@@ -277,6 +292,13 @@ def normalise_linear(
     InputError
         When the image has negative values or is black, when `brightest` or `percentile` is impossible, or
         when `image` or `mask` cannot be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.normalise_linear([[0.1, 0.2], [0.3, 0.4]], percentile=100)
+    array([[0.25, 0.5 ],
+           [0.75, 1.  ]])
     """
     values, inside = checked(image, mask)
     negative = np.count_nonzero(values[inside] < 0)
@@ -325,6 +347,16 @@ def clip_highlights(
     ------
     InputError
         When `threshold` or `percentile` is impossible, or `image` or `mask` cannot be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> matt, highlights = ps.clip_highlights([[0.2, 0.4], [0.3, 9.0]], threshold=0.5)
+    >>> matt
+    array([[0.2, 0.4],
+           [0.3, 0.5]])
+    >>> int(highlights.sum())
+    1
     """
     values, inside = checked(image, mask)
     if threshold is None:

@@ -63,6 +63,13 @@ class Scene:
         peak.
     walls : ndarray of bool, shape (height, width), or None
         The nearer pixel of every two inside the mask between which the depth jumps. None where nothing jumps.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 30), light=ps.FlashLight(gain=2.0))
+    >>> scene.image.shape, scene.name, scene.light.gain
+    ((20, 30), 'bump', 2.0)
     """
 
     depth: Array
@@ -78,6 +85,11 @@ class Scene:
     singular_point: tuple[float, float] | None = None
     walls: Mask | None = None
 
+    def __repr__(self) -> str:
+        height, width = self.depth.shape
+        depths = f"depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}"
+        return f"<Scene {self.name!r}, {width} x {height} pixels, {depths}, {self.light}, {self.reflectance}>"
+
     def seeded(self) -> Scene:
         """Give the same scene with only its singular point known, as when an object's top is measured.
 
@@ -91,6 +103,14 @@ class Scene:
         ------
         InputError
             When the scene has no single singular point.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((21, 21)).seeded()
+        >>> np.argwhere(np.isfinite(scene.known_depth)).tolist(), scene.surface
+        ([[10, 10]], 'toward')
         """
         if self.singular_point is None:
             raise InputError(
@@ -213,6 +233,15 @@ def vase(
     ------
     InputError
         When an argument is out of its range, or the vase would reach the camera.
+
+    Examples
+    --------
+    The paper's image, whose background faces the camera and the light:
+
+    >>> import persfs_cl as ps
+    >>> scene = ps.vase()
+    >>> scene.image.shape, float(scene.image[0, 0]), float(scene.depth[0, 0])
+    ((100, 100), 1.0, 1.0)
     """
     height, width = _checked_shape(shape)
     photograph = Photograph(light, reflectance, bits, noise, seed)
@@ -288,6 +317,15 @@ def bump(
         When an argument is out of its range, or the bump would reach the camera.
     CameraError
         When the focal length is impossible.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((51, 51), relief=0.25)
+    >>> scene.singular_point
+    (25.0, 25.0)
+    >>> float(scene.depth[25, 25]), float(scene.image[25, 25])
+    (1.25, 1.0)
     """
     photograph = Photograph(light, reflectance, bits, noise, seed)
 
@@ -343,6 +381,16 @@ def bumps(
         When an argument is out of its range, or the bumps would reach the camera.
     CameraError
         When the focal length is impossible.
+
+    Examples
+    --------
+    Apart from the frame, the lowest pixel of the dip is known:
+
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> scene = ps.bumps((41, 41))
+    >>> int(np.isfinite(scene.known_depth[1:-1, 1:-1]).sum())
+    1
     """
     photograph = Photograph(light, reflectance, bits, noise, seed)
 
@@ -407,6 +455,13 @@ def hillside(
         past the slope.
     CameraError
         When the focal length is impossible.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.hillside((40, 60), light=ps.FlashLight(), surface="toward")
+    >>> scene.image.shape, scene.surface
+    ((40, 60), 'toward')
     """
     photograph = Photograph(light, reflectance, bits, noise, seed)
     check_choice("surface", surface, get_args(Surface))
@@ -481,6 +536,13 @@ def sphere_cap(
         When an argument is out of its range, the cap does not fit into the image, or is too steep.
     CameraError
         When the focal length is impossible.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.sphere_cap((41, 41), relief=0.125, centre=(0.0, 0.0))
+    >>> round(float(scene.depth[20, 20]), 9), float(scene.depth[0, 0])
+    (1.125, 1.0)
     """
     photograph = Photograph(light, reflectance, bits, noise, seed)
     check_choice("surface", surface, get_args(Surface))

@@ -53,11 +53,29 @@ class MeshView:
         of the object hides what lies behind.
     jump_down : ndarray of bool, shape (height - 1, width)
         Likewise for the next pixel below.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.scenes import mesh_view
+    >>> ball = trimesh.creation.icosphere(subdivisions=2, radius=0.25)
+    >>> ball.apply_translation((0.0, 0.0, 1.0))
+    <trimesh.Trimesh(vertices.shape=(162, 3), faces.shape=(320, 3))>
+    >>> view = mesh_view(ball, ps.Camera(focal_length=20.0), (20, 20))
+    >>> view.depth.shape, bool(view.jump_right.any())
+    ((20, 20), False)
     """
 
     depth: Array
     jump_right: Mask
     jump_down: Mask
+
+    def __repr__(self) -> str:
+        height, width = self.depth.shape
+        seen = np.count_nonzero(np.isfinite(self.depth))
+        jumps = np.count_nonzero(self.jump_right) + np.count_nonzero(self.jump_down)
+        return f"<MeshView, {seen} of {width} x {height} pixels, {jumps} jumps>"
 
     @property
     def walls(self) -> Mask:
@@ -74,7 +92,20 @@ class MeshView:
         return walls
 
     def differences(self, values: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Backward and forward difference of `values` along x and along y, NaN across a jump or the outline."""
+        """Backward and forward difference of `values` along x and along y, NaN across a jump or the outline.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from persfs_cl.scenes import MeshView
+        >>> depth = np.array([[1.0, 1.5, 4.0], [1.0, 1.5, 4.0]])
+        >>> jump_right = np.array([[False, True], [False, True]])
+        >>> view = MeshView(depth, jump_right, np.zeros((1, 3), bool))
+        >>> (left, right), (above, below) = view.differences(depth)
+        >>> right
+        array([[0.5, nan, nan],
+               [0.5, nan, nan]])
+        """
         along_x = _differences(values, self.jump_right)
         backward, forward = _differences(values.T, self.jump_down.T)
         return along_x, (backward.T, forward.T)
@@ -96,6 +127,12 @@ def stanford_bunny() -> Path:
     ------
     InputError
         When the package is not installed.
+
+    Examples
+    --------
+    >>> from persfs_cl.scenes import stanford_bunny
+    >>> stanford_bunny().name
+    'StanfordBunny.ply'
     """
     try:
         package = importlib.metadata.distribution("pymeshfix")
@@ -159,6 +196,14 @@ def mesh_scene(
         When an argument is out of its range, the file cannot be read, or there is no mesh to see.
     CameraError
         When the focal length is impossible.
+
+    Examples
+    --------
+    >>> import trimesh
+    >>> import persfs_cl as ps
+    >>> scene = ps.mesh_scene(trimesh.creation.icosphere(subdivisions=2), (20, 20), light=ps.FlashLight())
+    >>> scene.image.shape, bool(scene.mask[10, 10]), bool(scene.mask[0, 0])
+    ((20, 20), True, False)
     """
     import trimesh
 
@@ -240,6 +285,19 @@ def mesh_view(mesh: trimesh.Trimesh, camera: Camera, shape: tuple[int, int]) -> 
         When it is no mesh, or a vertex is not in front of the camera.
     CameraError
         When the camera does not fit an image of this shape.
+
+    Examples
+    --------
+    A square at depth 2, which fills the middle of the image:
+
+    >>> import trimesh
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.scenes import mesh_view
+    >>> corners = [[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [1.0, 1.0, 2.0], [-1.0, 1.0, 2.0]]
+    >>> square = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]])
+    >>> mesh_view(square, ps.Camera(focal_length=2.0), (2, 4)).depth.round(9)
+    array([[nan,  2.,  2., nan],
+           [nan,  2.,  2., nan]])
     """
     grid = camera.grid(shape)
     _require_mesh(mesh)

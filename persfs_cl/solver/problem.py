@@ -14,13 +14,14 @@ from persfs_cl import checks, masks
 from persfs_cl._cl.launches import Grid
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
+from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 from persfs_cl.shading.light import FlashLight, ParallelLight
 from persfs_cl.shading.material import Lambertian
 from persfs_cl.shading.model import Model
 from persfs_cl.solver import domain
 from persfs_cl.surface.discontinuities import fill_walls
-from persfs_cl.surface.geometry import FARTHEST, NEAREST, Cuts
+from persfs_cl.surface.geometry import Cuts
 
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
 
@@ -49,10 +50,10 @@ no part of what was photographed."""
 
 _READERS = {
     "image": "read_image(path)",
-    "mask": "persfs_cl.io.photos.read_mask(path, shape)",
-    "walls": "persfs_cl.io.photos.read_mask(path, shape)",
-    "known_depth": "persfs_cl.io.photos.read_depth(path, shape)",
-    "albedo": "persfs_cl.io.photos.read_light(path, shape)",
+    "mask": "read_mask(path, shape)",
+    "walls": "read_mask(path, shape)",
+    "known_depth": "read_depth(path, shape)",
+    "albedo": "read_light(path, shape)",
 }
 _ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
 

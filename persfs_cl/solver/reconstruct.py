@@ -17,7 +17,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
-from persfs_cl.checks import brief, finite_number, warn
+from persfs_cl.checks import FARTHEST, NEAREST, brief, finite_number, warn
 from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.shading.light import FlashLight, Light, ParallelLight
@@ -25,7 +25,6 @@ from persfs_cl.shading.material import Lambertian, Reflectance
 from persfs_cl.shading.model import Model
 from persfs_cl.solver import rounds as lamp
 from persfs_cl.solver.problem import Problem, prepare, require_image
-from persfs_cl.surface.geometry import FARTHEST, NEAREST
 from persfs_cl.surface.solution import Elapsed, Solution, Status
 
 Callback = Callable[[int, float], bool | None]

@@ -36,6 +36,17 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+__all__ = [
+    "comparison_picture",
+    "confidence_picture",
+    "convergence_picture",
+    "depth_picture",
+    "matplotlib_defaults",
+    "normals_picture",
+    "normals_rgb",
+    "relief_picture",
+]
+
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140
 # Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
@@ -71,6 +82,19 @@ def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, uni
     ------
     InputError
         When ``depth`` is not a depth map, or is NaN everywhere.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.surface.plots import depth_picture
+    >>> scene = ps.bump((20, 20))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     depth_picture(path, scene.depth)
+    ...     path.read_bytes()[1:4]
+    b'PNG'
     """
     z = surface.depth_array(depth)
     _require_finite("depth", z)
@@ -101,6 +125,12 @@ def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
     ------
     InputError
         When the shape is not (height, width, 3), or no pixel holds a normal.
+
+    Examples
+    --------
+    >>> from persfs_cl.surface.plots import normals_rgb
+    >>> normals_rgb([[[0.0, 0.0, -1.0]]])
+    array([[[128, 128, 255]]], dtype=uint8)
     """
     vectors = np.asarray(normals, dtype=np.float64)
     if vectors.ndim != 3 or vectors.shape[2] != 3:
@@ -127,6 +157,18 @@ def normals_picture(path: FilePath, normals: ArrayLike) -> None:
     ------
     InputError
         When the shape is not (height, width, 3), or no pixel holds a normal.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.surface.plots import normals_picture
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     normals_picture(path, np.full((20, 20, 3), (0.0, 0.0, -1.0)))
+    ...     path.read_bytes()[1:4]
+    b'PNG'
     """
     import imageio.v3
 
@@ -179,6 +221,19 @@ def relief_picture(
     InputError
         When ``depth`` is not a depth map or is NaN everywhere, or when ``image``, ``normals`` or ``cuts`` has another
         shape.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.surface.plots import relief_picture
+    >>> scene = ps.bump((20, 20))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     relief_picture(path, scene.depth, scene.camera, scene.image)
+    ...     path.read_bytes()[1:4]
+    b'PNG'
     """
     z = surface.depth_array(depth)
     _require_finite("depth", z)
@@ -262,6 +317,19 @@ def comparison_picture(
     InputError
         When the shapes differ or are not (height, width), when no pixel is finite in both, or when
         ``white`` is not above 0.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.surface.plots import comparison_picture
+    >>> scene = ps.bump((20, 20))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     comparison_picture(path, scene.image, 0.9 * scene.image)
+    ...     path.read_bytes()[1:4]
+    b'PNG'
     """
     if not 0 < white < np.inf:
         raise InputError(f"white={white!r} is not a brightness: give a finite number above 0.")
@@ -316,6 +384,19 @@ def confidence_picture(
     ------
     InputError
         When ``slope_error`` is NaN everywhere or no image, or a map of ``doubts`` has another shape.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.surface.plots import confidence_picture
+    >>> slope_error = np.linspace(0.02, 0.2, 400).reshape(20, 20)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     confidence_picture(path, slope_error, {"steep": slope_error > 0.1})
+    ...     path.read_bytes()[1:4]
+    b'PNG'
     """
     _matplotlib()
     from matplotlib.colors import ListedColormap, LogNorm
@@ -375,6 +456,17 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
     ------
     InputError
         When there is no change, one is negative or not finite, or the tolerance is negative or not finite.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from persfs_cl.surface.plots import convergence_picture
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     convergence_picture(path, [0.3, 0.02, 0.0], tolerance=1e-5)
+    ...     path.read_bytes()[1:4]
+    b'PNG'
     """
     values = np.asarray(changes, dtype=np.float64)
     if values.ndim != 1 or values.size == 0 or not (np.isfinite(values) & (values >= 0)).all():
@@ -438,7 +530,16 @@ def _require_finite(name: str, values: Array) -> None:
 
 @contextmanager
 def matplotlib_defaults() -> Iterator[None]:
-    """Matplotlib as it comes: whatever MPLBACKEND and the user's matplotlibrc say plays no part in the block."""
+    """Matplotlib as it comes: whatever MPLBACKEND and the user's matplotlibrc say plays no part in the block.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> from persfs_cl.surface.plots import matplotlib_defaults
+    >>> with matplotlib.rc_context({"lines.linewidth": 9.0}), matplotlib_defaults():
+    ...     matplotlib.rcParams["lines.linewidth"]
+    1.5
+    """
     matplotlib = _matplotlib()
     # The backend, which no figure here asks for, would stay.
     defaults = {name: value for name, value in matplotlib.rcParamsDefault.items() if name != "backend"}

@@ -77,6 +77,18 @@ def render(
     Notes
     -----
     Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
+
+    Examples
+    --------
+    A plane that faces camera and lamp is darker away from the middle, where it is farther off:
+
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> image = ps.render(np.full((3, 3), 2.0), ps.Camera(focal_length=2.0), light=ps.FlashLight(gain=4.0))
+    >>> bool(image[1, 1] > image[0, 1] > image[0, 0])
+    True
+    >>> round(float(image[1, 1]), 5)
+    1.0
     """
     model = Model.of(light, reflectance)
     require_camera(camera)

@@ -40,7 +40,16 @@ _BRIGHTEST = 1e100
 
 
 class Status(enum.Enum):
-    """How an iteration ended; the value says what that means and what to try."""
+    """How an iteration ended; the value says what that means and what to try.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.status is ps.Status.CONVERGED
+    True
+    """
 
     CONVERGED = "The largest change over an iteration is at most the tolerance."
     MAX_ITERATIONS = (
@@ -62,6 +71,14 @@ class Elapsed:
         Of these, on the device.
     build : float
         Of these, compiling kernels; next to nothing when they were compiled before.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.elapsed.total > solution.elapsed.kernels > 0
+    True
     """
 
     total: float
@@ -69,7 +86,7 @@ class Elapsed:
     build: float
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A reconstructed surface.
 
@@ -109,6 +126,16 @@ class Solution:
     cuts : Cuts or None
         Where the walls interrupt the surface: between each of their pixels and the neighbours on other sides. Normals,
         mesh and the surface photographed again do not look across. None where no walls were given.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.status.name, solution.depth.shape, bool(solution.solved.all())
+    ('CONVERGED', (20, 20), True)
+    >>> ps.compare(solution.depth, scene.depth).mean < 0.01
+    True
     """
 
     depth: Array
@@ -138,11 +165,31 @@ class Solution:
         return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
 
     def normals(self) -> Array:
-        """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved."""
+        """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> normals = solution.normals()
+        >>> normals.shape, bool((normals[..., 2] < 0).all())
+        ((20, 20, 3), True)
+        """
         return surface.normals(self.depth, self.camera, self.cuts)
 
     def points(self) -> Array:
-        """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved."""
+        """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> points = solution.points()
+        >>> bool((points[..., 2] == solution.depth).all())
+        True
+        """
         return surface.points(self.depth, self.camera)
 
     def mesh(self, colour: NDArray[np.uint8] | None = None) -> trimesh.Trimesh:
@@ -152,6 +199,15 @@ class Solution:
         ----------
         colour : ndarray of uint8, shape (height, width) or (height, width, 3), optional
             Vertex colours; the image itself, encoded for display, when not given.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> mesh = solution.mesh()
+        >>> mesh.vertices.shape, mesh.faces.shape
+        ((400, 3), (722, 3))
         """
         if colour is None:
             colour = images.to_display(np.nan_to_num(self.image / self.white))
@@ -168,7 +224,16 @@ class Solution:
         return brightest if brightest * _BRIGHTEST >= 1.0 else 1.0
 
     def render(self) -> Array:
-        """The surface photographed again under its own light, eq. (6); NaN where not solved."""
+        """The surface photographed again under its own light, eq. (6); NaN where not solved.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> ps.compare(solution.render(), scene.image).mean < 0.05
+        True
+        """
         return forward.render(
             self.depth,
             self.camera,
@@ -192,6 +257,15 @@ class Solution:
         ------
         InputError
             When it holds no numbers, or is not of the image's shape.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> errors = solution.grey_errors()
+        >>> errors.count, errors.mean < 10
+        (400, True)
         """
         given = self.image if photo is None else as_floats("photo", photo)
         if given.shape != self.image.shape:
@@ -224,6 +298,15 @@ class Solution:
         ------
         InputError
             When `doubts` is no mapping, or a map is not of bool, or not of the image's shape.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> dark = scene.image < 0.5
+        >>> list(solution.confidence({"in the dark": dark}).doubts)
+        ['unreached', 'clamped', 'in the dark']
         """
         return self._confidence(self.normals(), doubts)
 
@@ -260,6 +343,15 @@ class Solution:
         ----------
         doubts : mapping, optional
             As for :meth:`confidence`.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> report = solution.report()
+        >>> report["status"], report["pixels"]["solved"], report["parameters"]["scheme"]
+        ('CONVERGED', 400, 'upwind')
         """
         return self._report(self.render(), self.confidence(doubts))
 
@@ -347,6 +439,17 @@ class Solution:
         ------
         InputError
             When the suffix is unknown or the file cannot be written.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> with TemporaryDirectory() as folder:
+        ...     solution.save(Path(folder) / "bump.ply")[0].name
+        'bump.ply'
         """
         target = as_path(path)
         if target.suffix and not folder and not target.is_dir():
