@@ -19,7 +19,8 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
-    from persfs_cl.io.photos import read_depth, read_image, read_light, read_mask, read_photo
+    from persfs_cl.io.maps import read_depth, read_light, read_mask
+    from persfs_cl.io.photos import read_image, read_photo
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
     from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
@@ -48,7 +49,8 @@ else:
         ),
         "surface.render": ("render",),
         "preparation.normalise": ("clip_highlights", "mean_filter", "normalise_grey", "normalise_linear"),
-        "io.photos": ("read_depth", "read_image", "read_light", "read_mask", "read_photo"),
+        "io.maps": ("read_depth", "read_light", "read_mask"),
+        "io.photos": ("read_image", "read_photo"),
         "shading.light": ("FlashLight", "ParallelLight"),
         "metrics": ("Errors", "compare"),
         "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),

@@ -18,16 +18,15 @@ from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_array, brief, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Photo
+from persfs_cl.preparation.correct import cos4_vignetting, divide_vignetting, subtract_ambient
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 from persfs_cl.preparation.normalise import (
     brightest_diffuse,
     checked,
     clip_highlights,
-    divide_vignetting,
     mean_filter,
     normalise_grey,
     normalise_linear,
-    subtract_ambient,
 )
 
 Array = NDArray[np.float64]
@@ -341,32 +340,6 @@ def prepare_photo(
 
 def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, str | int | float)
-
-
-def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
-    """Share of the light that a simple lens lets through, cos⁴ of the angle between viewing ray and optical axis.
-
-    It is (1 + x² + y²)^-2 in normalised coordinates. Lenses of many elements often darken less, and stops and narrow
-    tubes add to it.
-
-    Parameters
-    ----------
-    camera : Camera
-    shape : (int, int)
-        (height, width) of the image.
-
-    Returns
-    -------
-    ndarray of float64, shape `shape`
-        In (0, 1]; 1 on the optical axis.
-
-    Raises
-    ------
-    CameraError, InputError
-        As :meth:`Camera.grid <persfs_cl.Camera.grid>`.
-    """
-    grid = camera.grid(shape)
-    return np.asarray((1.0 + grid.x**2 + grid.y**2) ** -2)
 
 
 def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:

@@ -18,8 +18,9 @@ from persfs_cl._cl.device import Device
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import as_array, as_floats, brief, warn
+from persfs_cl.colour import to_display
 from persfs_cl.errors import InputError
-from persfs_cl.io import photos as images
+from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.files import FilePath, as_path, atomic_path, filling, json_text
 from persfs_cl.shading.light import Light, ParallelLight
 from persfs_cl.shading.material import Reflectance
@@ -210,7 +211,7 @@ class Solution:
         ((400, 3), (722, 3))
         """
         if colour is None:
-            colour = images.to_display(np.nan_to_num(self.image / self.white))
+            colour = to_display(np.nan_to_num(self.image / self.white))
         return surface.mesh(self.depth, self.camera, colour, self.cuts)
 
     @property
@@ -482,7 +483,7 @@ class Solution:
     ) -> None:
         suffix = target.suffix.lower()
         if suffix in (".npy", ".tif", ".tiff"):
-            images.write_depth(target, self.depth)
+            write_depth(target, self.depth)
         elif suffix == ".png":
             pictures.depth_picture(target, self.depth, unit=self._unit)
         elif suffix in (".ply", ".obj", ".stl", ".glb"):
@@ -513,7 +514,7 @@ class Solution:
                 cuts=self.cuts,
                 normals=normals,
             ),
-            "rendered": lambda path: images.write_grey(path, rendered / white),
+            "rendered": lambda path: write_grey(path, rendered / white),
             "comparison": lambda path: pictures.comparison_picture(
                 path, self.image, rendered, white=white, photo_title="Prepared photograph"
             ),

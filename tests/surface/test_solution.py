@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl import blocks
-from persfs_cl.io.photos import read_depth
+from persfs_cl.io.maps import read_depth
 from persfs_cl.shading.light import Light
 from persfs_cl.shading.material import OrenNayar, Phong
 from persfs_cl.surface import plots as pictures
