@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
     from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
-    from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
+    from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
+    from persfs_cl.scenes.framed import bump, bumps
     from persfs_cl.scenes.meshes import mesh_scene
+    from persfs_cl.scenes.scene import Scene
     from persfs_cl.shading.light import FlashLight, ParallelLight
     from persfs_cl.shading.material import Lambertian, OrenNayar, Phong
     from persfs_cl.solver.reconstruct import reconstruct, reconstruct_batch
@@ -55,8 +57,10 @@ else:
         "metrics": ("Errors", "compare"),
         "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
         "shading.material": ("Lambertian", "OrenNayar", "Phong"),
+        "scenes.analytic": ("hillside", "sphere_cap", "vase"),
+        "scenes.framed": ("bump", "bumps"),
         "scenes.meshes": ("mesh_scene",),
-        "scenes.analytic": ("Scene", "bump", "bumps", "hillside", "sphere_cap", "vase"),
+        "scenes.scene": ("Scene",),
         "surface.solution": ("Elapsed", "Solution", "Status"),
         "solver.reconstruct": ("reconstruct", "reconstruct_batch"),
     }

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Grid, Sweeper
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.light import ParallelLight
 from persfs_cl.shading.material import Lambertian
 from persfs_cl.shading.model import Model

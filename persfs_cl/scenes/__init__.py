@@ -1,7 +1,10 @@
 """Surfaces whose depth is known exactly."""
 
-from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
-from persfs_cl.scenes.meshes import MeshView, mesh_scene, mesh_view, stanford_bunny
+from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
+from persfs_cl.scenes.framed import bump, bumps
+from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
+from persfs_cl.scenes.scene import Scene
+from persfs_cl.scenes.view import MeshView, mesh_view
 
 __all__ = [
     "MeshView",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from persfs_cl.camera import Camera
-from persfs_cl.scenes.analytic import Scene, bump, hillside
+from persfs_cl.scenes.analytic import hillside
+from persfs_cl.scenes.framed import bump
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.light import FlashLight, Light, ParallelLight
 from persfs_cl.shading.material import Reflectance
 from persfs_cl.shading.model import Model

@@ -11,7 +11,7 @@ import pytest
 
 import persfs_cl as ps
 from persfs_cl.choices import Ordering, Precision, Scheme
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.material import Reflectance
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.reference import brightness

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl.choices import Boundary
 from persfs_cl.io.export import write_grey
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
 
