@@ -231,7 +231,7 @@ def test_a_matplotlib_that_cannot_be_imported_costs_nothing_else(
         # As it does where it may write nowhere.
         raise OSError("requires access to a writable cache directory") from FileNotFoundError("no temporary directory")
 
-    monkeypatch.setattr(pictures, "_matplotlib", fail)
+    monkeypatch.setattr(pictures.canvas, "load_matplotlib", fail)
     with pytest.warns(UserWarning, match=r"could not be drawn \(OSError: requires access"):
         solution.save(tmp_path / "result")
     assert {file.name for file in (tmp_path / "result").iterdir()} >= {"depth.npy", "mesh.ply", "report.json"}
