@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.blocks import row_blocks
+from persfs_cl.camera import Camera
+from persfs_cl.shading.light import Light, ParallelLight
 from persfs_cl.shading.material import Reflectance
 
 Array = NDArray[np.float64]
@@ -121,3 +123,32 @@ def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
     for some in row_blocks((cosines.size, 1)):
         found[some] = np.interp(np.arccos(np.clip(cosines.reshape(-1)[some], 0.0, 1.0)), angle[half], change)
     return found.reshape(cosines.shape)
+
+
+def cosine_to_light(depth: Array, normals: Array, camera: Camera, light: Light) -> Array:
+    """Cosine of the angle between normal and light at every pixel.
+
+    Parameters
+    ----------
+    depth : ndarray of float64, shape (height, width)
+    normals : ndarray of float64, shape (height, width, 3)
+    camera : Camera
+    light : ParallelLight or FlashLight
+
+    Returns
+    -------
+    ndarray of float64, shape (height, width)
+        NaN where there is no surface.
+    """
+    grid = camera.grid((depth.shape[0], depth.shape[1]))
+    cosine = np.empty(depth.shape)
+    for rows in row_blocks(depth.shape):
+        z = depth[rows]
+        if isinstance(light, ParallelLight):
+            to_light = np.array([-light.p0, -light.q0, -1.0])
+        else:
+            x, y, forward = light.offset
+            to_light = np.stack([x - z * grid.x, y - z * grid.y[rows], forward - z], axis=-1)
+        along = (normals[rows] * to_light).sum(axis=-1)
+        np.divide(along, np.linalg.norm(to_light, axis=-1), out=cosine[rows])
+    return cosine
