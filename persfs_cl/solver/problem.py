@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,15 +45,6 @@ _BLACK = 1e-6
 _DARK, _DARK_SHARE = 0.005, 0.05
 """When so many pixels are so dark beside the brightest, 14 times as far away if they face the lamp, they are probably
 no part of what was photographed."""
-
-_READERS = {
-    "image": "read_image(path)",
-    "mask": "read_mask(path, shape)",
-    "walls": "read_mask(path, shape)",
-    "known_depth": "read_depth(path, shape)",
-    "albedo": "read_light(path, shape)",
-}
-_ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
 
 
 @dataclass(frozen=True)
@@ -274,7 +263,7 @@ def prepare(
     reflecting = None
     if albedo is not None:
         used = layout.known | layout.solved
-        reflecting = require_albedo(albedo, used if on_walls is None else used | on_walls)
+        reflecting = checks.require_albedo(albedo, used if on_walls is None else used | on_walls)
     # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
     if not (photograph.min() >= -_MOST_LIGHT and photograph.max() <= _MOST_LIGHT):
         photograph[~layout.solved & ~(np.abs(photograph) <= _MOST_LIGHT)] = np.nan
@@ -406,19 +395,9 @@ def _largest(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> floa
     return float(brightness.max(where=solved, initial=0.0))
 
 
-def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
-    """The array that a user gave; InputError for paths, photos, lists of unequal length and the like."""
-    if isinstance(given, (str, os.PathLike)):
-        raise InputError(f"{name}={str(given)!r} is no array: give {_READERS[name]} if it is a path.")
-    for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
-        if hasattr(given, attribute):
-            raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
-    return checks.as_array(name, given)
-
-
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
     """The image as an array, shape (height, width), perhaps the very array given; InputError when it is none."""
-    given = as_array("image", image)
+    given = checks.as_map("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
         raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
@@ -430,23 +409,6 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
     if given.size > _MOST_PIXELS:
         raise InputError(f"image has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
     return given
-
-
-def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The albedo as float64, shape (height, width), 1 where it is not used; InputError when it is none."""
-    given = as_array("albedo", albedo)
-    if given.shape != used.shape or not np.issubdtype(given.dtype, np.floating):
-        raise InputError(
-            f"albedo is {given.dtype} of shape {given.shape}: give a float array of the image's shape {used.shape}, "
-            "the share of light in (0, 1] that each pixel's surface returns."
-        )
-    # Written so that a NaN is found too.
-    if bad := int(np.count_nonzero(~((given > 0) & (given <= 1)) & used)):
-        raise InputError(
-            f"albedo is not in (0, 1] at {bad} pixels with a surface, where it ranges from {given[used].min():g} to "
-            f"{given[used].max():g}: divide by its largest value, and mask out what is black or unknown."
-        )
-    return np.where(used, given, 1.0).astype(np.float64)
 
 
 def _require_shading(
@@ -555,12 +517,12 @@ def _warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool
 
 
 def _require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    return checks.as_mask(name, as_array(name, given), shape)
+    return checks.as_mask(name, checks.as_map(name, given), shape)
 
 
 def _require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The known depths, and where there are any."""
-    depths = as_array("known_depth", given)
+    depths = checks.as_map("known_depth", given)
     if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
         raise InputError(
             f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "

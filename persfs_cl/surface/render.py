@@ -13,7 +13,7 @@ from persfs_cl._cl import launches
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_floats, as_mask, brief
+from persfs_cl.checks import as_floats, as_mask, brief, require_albedo
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
@@ -21,7 +21,6 @@ from persfs_cl.shading.light import FlashLight, Light, ParallelLight
 from persfs_cl.shading.material import Lambertian, Reflectance
 from persfs_cl.shading.model import Model
 from persfs_cl.solver import reference
-from persfs_cl.solver.problem import require_albedo
 from persfs_cl.surface.geometry import Cuts, depth_array, log_depth_gradient
 
 _MOST_POWER = 300.0
