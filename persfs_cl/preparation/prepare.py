@@ -62,7 +62,7 @@ class Preparation:
         Number, of the file's own, from which on a pixel is saturated. Left out, it is 98 % of the largest that the
         file can hold; no pixel of a file of floats then is.
     clip_highlights : float, optional
-        Percentile above which brightness is cut; see :func:`persfs_cl.preparation.normalise.clip_highlights`.
+        Percentile above which brightness is cut; see :func:`persfs_cl.clip_highlights`.
     mean_filter : int
         Side of the window in pixels; 1 is no filter.
 
@@ -250,7 +250,7 @@ def prepare_photo(
     Parameters
     ----------
     photo : Photo
-        As :func:`persfs_cl.io.photos.read_photo` returns it.
+        As :func:`persfs_cl.read_photo` returns it.
     camera : Camera
         For the law of vignetting.
     preparation : Preparation

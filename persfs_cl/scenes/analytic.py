@@ -129,7 +129,8 @@ def hillside(
     """A smooth hollow or hill on a slope, off the middle: nothing about it is special to a pixel or to the frame.
 
     depth = (1 ± relief exp(-4 |X - C|²)) / (1 + u² F·X), C = (0.3, -0.2), F = (-0.4, 0.25), in the coordinates of
-    :func:`bump` and with their unit u: a plane through depth 1 that faces the camera at X = F, and on it the bump.
+    :func:`persfs_cl.bump` and with their unit u: a plane through depth 1 that faces the camera at X = F, and on it the
+    bump.
 
     At every edge of the image a hill moves away from the camera, so that a flash photograph determines it without
     any boundary values. So does a hollow in a view as wide as the default one; in a narrow view it comes closer
@@ -138,7 +139,7 @@ def hillside(
     Parameters
     ----------
     shape, focal_length, light, reflectance, bits, noise, seed, orientation
-        As for :func:`bump`.
+        As for :func:`persfs_cl.bump`.
     surface : {"away", "toward"}
         Whether the bump is a hollow in the slope, or a hill.
     relief : float
@@ -212,7 +213,7 @@ def sphere_cap(
     Parameters
     ----------
     shape, focal_length, light, reflectance, bits, noise, seed, orientation
-        As for :func:`bump`.
+        As for :func:`persfs_cl.bump`.
     surface : {"away", "toward"}
         A spherical hollow in the plane, or a cap that stands out of it.
     relief : float

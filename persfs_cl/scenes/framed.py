@@ -58,7 +58,7 @@ def bump(
     surface : {"away", "toward"}
         Whether the bump leaves the frame away from the camera (a hollow) or toward it.
     bits, noise, seed
-        As for :func:`vase`.
+        As for :func:`persfs_cl.vase`.
     orientation : float
         Turns the surface, not the light, counter-clockwise in the displayed image, in degrees.
     relief : float

@@ -103,7 +103,7 @@ def mesh_scene(
     margin : float
         Share of the image that stays free on every side, at least 0 and below 0.5.
     light, reflectance, bits, noise, seed
-        As for :func:`persfs_cl.scenes.analytic.vase`. Noise stays on the object: the background is 0.
+        As for :func:`persfs_cl.vase`. Noise stays on the object: the background is 0.
 
     Returns
     -------
