@@ -19,12 +19,15 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
+    from persfs_cl.io.maps import read_depth, read_light, read_mask
     from persfs_cl.io.photos import read_image, read_photo
     from persfs_cl.metrics import Errors, compare
-    from persfs_cl.preparation.normalise import normalise_grey
+    from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
     from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
-    from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
+    from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
+    from persfs_cl.scenes.framed import bump, bumps
     from persfs_cl.scenes.meshes import mesh_scene
+    from persfs_cl.scenes.scene import Scene
     from persfs_cl.shading.flash_light import FlashLight
     from persfs_cl.shading.lambertian import Lambertian
     from persfs_cl.shading.oren_nayar import OrenNayar
@@ -50,7 +53,8 @@ else:
             "PersfsError",
         ),
         "surface.render": ("render",),
-        "preparation.normalise": ("normalise_grey",),
+        "preparation.normalise": ("clip_highlights", "mean_filter", "normalise_grey", "normalise_linear"),
+        "io.maps": ("read_depth", "read_light", "read_mask"),
         "io.photos": ("read_image", "read_photo"),
         "shading.flash_light": ("FlashLight",),
         "shading.parallel_light": ("ParallelLight",),
@@ -59,8 +63,10 @@ else:
         "shading.lambertian": ("Lambertian",),
         "shading.oren_nayar": ("OrenNayar",),
         "shading.phong": ("Phong",),
+        "scenes.analytic": ("hillside", "sphere_cap", "vase"),
+        "scenes.framed": ("bump", "bumps"),
         "scenes.meshes": ("mesh_scene",),
-        "scenes.analytic": ("Scene", "bump", "bumps", "hillside", "sphere_cap", "vase"),
+        "scenes.scene": ("Scene",),
         "surface.solution": ("Elapsed", "Solution", "Status"),
         "solver.reconstruct": ("reconstruct", "reconstruct_batch"),
     }
@@ -107,13 +113,19 @@ __all__ = [
     "Status",
     "bump",
     "bumps",
+    "clip_highlights",
     "compare",
     "devices",
     "hillside",
+    "mean_filter",
     "mesh_scene",
     "normalise_grey",
+    "normalise_linear",
     "prepare_photo",
+    "read_depth",
     "read_image",
+    "read_light",
+    "read_mask",
     "read_photo",
     "reconstruct",
     "reconstruct_batch",

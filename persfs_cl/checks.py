@@ -19,6 +19,9 @@ from persfs_cl.errors import InputError
 _MOST_NUMBERS = 2**31
 """An array of more, such as a broadcast one that takes no memory, would be copied, and take all there is."""
 
+NEAREST, FARTHEST = 1e-30, 1e30
+"""Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
+
 changing_warnings = threading.RLock()
 """Held around `warnings.catch_warnings`, which changes a state that all threads share.
 
@@ -149,3 +152,46 @@ def warn(message: str) -> None:
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in within:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, UserWarning, stacklevel=level)
+
+
+_READERS = {
+    "image": "read_image(path)",
+    "mask": "read_mask(path, shape)",
+    "walls": "read_mask(path, shape)",
+    "known_depth": "read_depth(path, shape)",
+    "albedo": "read_light(path, shape)",
+}
+_ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
+
+
+def as_map(name: str, given: ArrayLike) -> NDArray[Any]:
+    """The image, or the map that goes with one, that a user gave, perhaps the very array.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_array`; and when it is a path or a photograph, saying what to give instead.
+    """
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError(f"{name}={str(given)!r} is no array: give {_READERS[name]} if it is a path.")
+    for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
+        if hasattr(given, attribute):
+            raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
+    return as_array(name, given)
+
+
+def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The albedo as float64, shape (height, width), 1 where it is not used; InputError when it is none."""
+    given = as_map("albedo", albedo)
+    if given.shape != used.shape or not np.issubdtype(given.dtype, np.floating):
+        raise InputError(
+            f"albedo is {given.dtype} of shape {given.shape}: give a float array of the image's shape {used.shape}, "
+            "the share of light in (0, 1] that each pixel's surface returns."
+        )
+    # Written so that a NaN is found too.
+    if bad := int(np.count_nonzero(~((given > 0) & (given <= 1)) & used)):
+        raise InputError(
+            f"albedo is not in (0, 1] at {bad} pixels with a surface, where it ranges from {given[used].min():g} to "
+            f"{given[used].max():g}: divide by its largest value, and mask out what is black or unknown."
+        )
+    return np.where(used, given, 1.0).astype(np.float64)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import enum
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from persfs_cl.surface.solution import Solution
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class PersfsError(Exception):
@@ -23,7 +27,7 @@ class InputError(PersfsError, ValueError):
     """An image, mask, depth or option cannot be used as it was given."""
 
 
-class CameraError(PersfsError):
+class CameraError(PersfsError, ValueError):
     """The camera is impossible, or a file does not say what the camera was."""
 
 
@@ -39,6 +43,41 @@ class UnavailableError(PersfsError):
     """Something optional cannot be had here; the message says why, and what would bring it."""
 
 
+class Unfinished(Protocol):
+    """What a :class:`persfs_cl.Solution` holds; by this name, because errors are below all that raise them."""
+
+    @property
+    def depth(self) -> NDArray[np.float64]:
+        """As far as it had come; NaN where nothing was known yet."""
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Pixels that have a depth."""
+
+    @property
+    def iterations(self) -> int:
+        """How many were done."""
+
+    @property
+    def changes(self) -> NDArray[np.float64]:
+        """The largest change of each iteration."""
+
+    @property
+    def status(self) -> enum.Enum:
+        """Why it ended."""
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """The keywords, with "auto" resolved."""
+
+    @property
+    def device(self) -> Any:
+        """The :class:`persfs_cl.Device`."""
+
+    def save(self, path: str) -> list[Path]:
+        """Write it to a file or a folder."""
+
+
 class ConvergenceError(PersfsError):
     """The iteration ended before the tolerance was met, and ``throw=True`` was given.
 
@@ -48,7 +87,7 @@ class ConvergenceError(PersfsError):
         The surface as far as it had come.
     """
 
-    def __init__(self, message: str, solution: Solution) -> None:
+    def __init__(self, message: str, solution: Unfinished) -> None:
         super().__init__(message)
         self.solution = solution
 

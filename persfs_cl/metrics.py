@@ -30,6 +30,12 @@ class Errors:
         Largest and median |estimate - truth|.
     count : int
         How many pixels were compared.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.compare([1.0, 2.0, 4.0, 5.0], [1.0, 2.0, 4.0, 3.0])
+    Errors(mean=0.5, root_mean_square=1.0, maximum=2.0, median=0.0, count=4)
     """
 
     mean: float
@@ -65,6 +71,18 @@ def compare(
         When an array does not hold numbers, ``mask`` is not bool, the shapes differ, no pixel is left, a compared value
         is infinite, ``align`` is unknown, a value is not positive under ``"scale"``, an array is constant under
         ``"range"``, or the arrays are so far apart that an error is no double-precision number.
+
+    Examples
+    --------
+    A depth that is right up to its size:
+
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> truth = np.array([[1.0, 1.5], [2.0, np.nan]])
+    >>> ps.compare(2.0 * truth, truth).mean
+    1.5
+    >>> ps.compare(2.0 * truth, truth, align="scale").mean
+    0.0
     """
     if align is not None and not (isinstance(align, str) and align in get_args(Align)):
         raise InputError(f'align={brief(align)} is unknown: choose None, "scale" or "range".')

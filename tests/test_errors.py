@@ -33,6 +33,13 @@ def example(kind: type[PersfsError]) -> PersfsError:
     return kind("message", 2)
 
 
+def test_what_is_wrong_with_a_value_is_a_value_error_too() -> None:
+    for wrong in (lambda: ps.Camera(focal_length=-1.0), lambda: ps.ParallelLight(p0=float("nan"))):
+        with pytest.raises(ValueError, match=r"focal_length=-1\.0|p0=nan") as raised:
+            wrong()
+        assert isinstance(raised.value, PersfsError)
+
+
 @pytest.mark.parametrize("restored", [lambda error: pickle.loads(pickle.dumps(error)), copy.copy, copy.deepcopy])
 def test_every_error_survives_pickling_and_copying(restored: Callable[[PersfsError], PersfsError]) -> None:
     assert {ps.ConvergenceError, ps.InputError, ps.KernelBuildError} < set(kinds())

@@ -177,7 +177,7 @@ print(*{"numpy", "pyopencl", "typer"} & sys.modules.keys(), "early")
 listed = dir(ps)
 assert {*ps.__all__, "__version__"} <= {*listed}
 import persfs_cl.scenes.analytic
-assert ps.scenes.analytic.bump is ps.bump
+assert ps.scenes.analytic.vase is ps.vase
 from persfs_cl import *
 assert reconstruct is ps.reconstruct
 assert all(name in globals() for name in ps.__all__)

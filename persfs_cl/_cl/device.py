@@ -58,6 +58,13 @@ class Device:
         Work-items of a work-group at most.
     register_bits : int or None
         See :func:`persfs_cl._cl.registers.register_bits`; None before it is asked for.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> device = ps.devices()[0]
+    >>> device.index, device.kind in ("cpu", "gpu", "other")
+    (0, True)
     """
 
     def __init__(self, index: int, handle: cl.Device) -> None:
@@ -126,6 +133,12 @@ class Device:
         ------
         DeviceError
             When float64 is asked of a device without it.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> ps.devices()[0].real("float32")
+        dtype('float32')
         """
         if precision == "float64" and not self.has_float64:
             raise DeviceError(
@@ -135,7 +148,15 @@ class Device:
         return np.dtype(precision)
 
     def is_handle(self, handle: cl.Device) -> bool:
-        """Whether this is the device behind a handle of pyopencl."""
+        """Whether this is the device behind a handle of pyopencl.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> device = ps.devices()[0]
+        >>> device.is_handle(device.context.devices[0])
+        True
+        """
         return bool(self._handle == handle)
 
     @property
@@ -268,6 +289,12 @@ def devices() -> list[Device]:
     ------
     DeviceError
         In a process that was forked after OpenCL was used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> [device.index for device in ps.devices()] == list(range(len(ps.devices())))
+    True
     """
     _claim_process()
     with _finding:  # a cache alone lets two threads make two objects of one device

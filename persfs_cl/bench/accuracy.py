@@ -19,8 +19,8 @@ from persfs_cl.bench.results import Record
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.preparation.normalise import mean_filter
-from persfs_cl.scenes.analytic import Scene
 from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 

@@ -15,7 +15,7 @@ from persfs_cl.bench.results import Record
 from persfs_cl.bench.weno import solve
 from persfs_cl.choices import Precision
 from persfs_cl.errors import UnavailableError
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 
 WENO = "third-order WENO"
 NOT_SETTLED = "not settled"

@@ -13,7 +13,8 @@ import typer
 
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import read_bytes
-from persfs_cl.io.photos import Channel, Encoding, read_depth, read_mask, read_photo
+from persfs_cl.io.maps import read_depth, read_mask
+from persfs_cl.io.photos import Channel, Encoding, read_photo
 from persfs_cl.io.points import PointErrors, at_points, compare_points, read_points
 from persfs_cl.metrics import Errors
 from persfs_cl.metrics import compare as measure

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from persfs_cl.camera import Camera, exif_focal_length
+from persfs_cl.camera import Camera
 from persfs_cl.choices import Precision
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.io.exif import exif_focal_length
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light

@@ -33,7 +33,8 @@ from persfs_cl.cli.options import (
 )
 from persfs_cl.cli.output import check_file
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.photos import read_depth, read_light, read_mask, write_grey
+from persfs_cl.io.export import write_grey
+from persfs_cl.io.maps import read_depth, read_light, read_mask
 from persfs_cl.surface.render import render as photograph
 
 Bits = Literal["8", "16"]

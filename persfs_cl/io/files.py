@@ -95,11 +95,6 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
     InputError
         When the operating system refuses: the folder is missing or not writable, the disk is full, or
         `target` is a folder or a device. Names `target`, the reason and the remedy.
-
-    Examples
-    --------
-    >>> with atomic_path("depth.npy") as temporary:
-    ...     np.save(temporary, depth)
     """
     final = as_path(target).resolve()
     try:

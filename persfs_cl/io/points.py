@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import brief, finite_number
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, brief, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 
@@ -40,6 +39,13 @@ class PointErrors:
         How many points were compared.
     scale : float
         By which the estimate was multiplied.
+
+    Examples
+    --------
+    >>> from persfs_cl.io import compare_points
+    >>> errors = compare_points([1.0, 2.0], [1.0, 4.0], scale=False)
+    >>> errors.mean_relative, errors.count
+    (0.25, 2)
     """
 
     mean_relative: float
@@ -67,6 +73,17 @@ def read_points(path: FilePath) -> Array:
     InputError
         When the file cannot be read, or a point lacks one of the three numbers, or has one that is not finite, or no
         depth; the message says in which line of a CSV file, or which point of JSON.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.io import read_points
+    >>> with TemporaryDirectory() as folder:
+    ...     np.savetxt(Path(folder) / "points.csv", [(10.5, 20.0, 1.25)], delimiter=",")
+    ...     read_points(Path(folder) / "points.csv")
+    array([[10.5 , 20.  ,  1.25]])
     """
     path = as_path(path)
     data = read_bytes(path)
@@ -102,7 +119,15 @@ def _checked(place: str, entry: Sequence[Any]) -> list[float]:
 
 
 def at_points(values: ArrayLike, points: Array) -> Array:
-    """Values of a map at the pixels nearest to some points; NaN for points beside it."""
+    """Values of a map at the pixels nearest to some points; NaN for points beside it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from persfs_cl.io import at_points
+    >>> at_points([[1.0, 2.0], [3.0, 4.0]], np.array([[1.0, 0.0, 9.0], [7.0, 0.0, 9.0]]))
+    array([ 2., nan])
+    """
     grid = np.asarray(values, dtype=np.float64)
     columns, rows = np.rint(points[:, :2]).astype(np.int64).T
     inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
@@ -127,6 +152,12 @@ def compare_points(estimate: ArrayLike, truth: ArrayLike, *, scale: bool = True)
     ------
     InputError
         When no point is left, or a value is no depth from 1e-30 to 1e30.
+
+    Examples
+    --------
+    >>> from persfs_cl.io import compare_points
+    >>> compare_points([2.0, 4.0, 6.0], [1.0, 2.0, 3.0]).scale
+    0.5
     """
     estimated, true = np.asarray(estimate, dtype=np.float64), np.asarray(truth, dtype=np.float64)
     compared = ~(np.isnan(estimated) | np.isnan(true))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from persfs_cl.camera import Camera
 from persfs_cl.metrics import Errors
 from persfs_cl.paper import tankus
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.reconstruct import reconstruct
 
 Array = NDArray[np.float64]

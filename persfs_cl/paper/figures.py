@@ -14,7 +14,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.io.files import FilePath, atomic_path
 from persfs_cl.paper.course import Course
 from persfs_cl.paper.printed import TANKUS_VASE, YANG_HAN_VASE
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.surface.plots import matplotlib_defaults
 
 if TYPE_CHECKING:

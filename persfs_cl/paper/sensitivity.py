@@ -19,7 +19,8 @@ from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.vase import CLOSEST, START
-from persfs_cl.scenes.analytic import Scene, vase
+from persfs_cl.scenes.analytic import vase
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.reconstruct import reconstruct
 
 Array = NDArray[np.float64]

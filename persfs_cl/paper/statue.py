@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera
-from persfs_cl.io.photos import Encoding, read_mask, read_photo
+from persfs_cl.colour import encode_srgb
+from persfs_cl.io.maps import read_mask
+from persfs_cl.io.photos import Encoding, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures, printed
@@ -27,7 +29,6 @@ from persfs_cl.paper.course import marching, sweeping
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_tables, time_table
-from persfs_cl.preparation.normalise import encode_srgb
 from persfs_cl.preparation.prepare import Normalise, Preparation, PreparedPhoto, prepare_photo
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.solver.reconstruct import reconstruct

@@ -18,7 +18,7 @@ this leaves open is done so, which need not be how [15] did it:
 - The orthographic equation is p² + q² = 1/E² - 1, that of the same relief before a distant camera.
 - F is at least 0 and no slope larger than a bound, whatever the surface before says.
 
-Nothing is damped, and so not every image converges. The smooth scenes of :mod:`persfs_cl.scenes.analytic` do in 5 to 15
+Nothing is damped, and so not every image converges. The smooth scenes of :mod:`persfs_cl.scenes` do in 5 to 15
 iterations under a frontal light and in 10 to 30 under one 10° to the side; from 20° on many do not. Steep flanks off
 the middle of the image need not either. On a dark flank along x each iteration multiplies an error by about
 |x| / (E + |x|) where the depth grows outwards, but by -|x| / (E - |x|) where it grows inwards. So a hollow with

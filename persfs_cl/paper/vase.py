@@ -20,7 +20,8 @@ from persfs_cl.paper.literal import Reading, iterates
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings
 from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_tables, time_table
-from persfs_cl.scenes.analytic import Scene, vase
+from persfs_cl.scenes.analytic import vase
+from persfs_cl.scenes.scene import Scene
 
 START = 1.0
 """C of the literal readings: ln z of a depth of 2.7, where the vase ends at 1.29."""

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.cli.options import CameraOptions, horizontal_view
+from persfs_cl.colour import encode_srgb
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.files import filling
-from persfs_cl.io.photos import Channel, Encoding, Photo, read_depth, read_light, read_mask, read_photo
+from persfs_cl.io.maps import read_depth, read_light, read_mask
+from persfs_cl.io.photos import Channel, Encoding, Photo, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors
-from persfs_cl.preparation.normalise import encode_srgb
 from persfs_cl.preparation.prepare import Highlights, Normalise, Preparation, PreparedPhoto, prepare_photo
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light

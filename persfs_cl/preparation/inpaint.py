@@ -25,7 +25,7 @@ _STIFFNESS = 0.5
 """Between cells twice as wide there are twice as many links, but the same difference lies over twice the way."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Grid:
     """Links between cells: diagonal[i] x[i] - Σ weights[k, i] x[beside[k, i]] = right-hand side.
 

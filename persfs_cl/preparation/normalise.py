@@ -1,4 +1,4 @@
-"""From the brightness of a photo to the normalised reflectance E: decode, correct, smooth, normalise, clip highlights.
+"""From the brightness of a photo to the normalised reflectance E: smooth, normalise, clip highlights.
 
 Every function takes an (H, W) array of numbers and an optional mask (bool, True = use this pixel), looks only
 at the pixels in the mask, and returns a new float64 array. Pixels outside the mask may hold anything, NaN
@@ -24,117 +24,6 @@ _LARGEST = 1e100
 """Of a number of an image: products of it with any other still have a double-precision number."""
 
 
-def decode_srgb(values: ArrayLike) -> Array:
-    """Linear light from sRGB values (IEC 61966-2-1).
-
-    Parameters
-    ----------
-    values : array_like
-        sRGB values, 0 (black) to 1 (white); the curve goes on above 1.
-
-    Returns
-    -------
-    ndarray of float64
-        Linear light on the same scale.
-    """
-    values = np.asarray(values, dtype=np.float64)
-    curve = ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.asarray(np.where(values <= 0.04045, values / 12.92, curve))
-
-
-def encode_srgb(values: ArrayLike) -> Array:
-    """sRGB values from linear light, the inverse of `decode_srgb` (IEC 61966-2-1).
-
-    Parameters
-    ----------
-    values : array_like
-        Linear light, 0 (black) to 1 (white); the curve goes on above 1.
-
-    Returns
-    -------
-    ndarray of float64
-        sRGB values on the same scale.
-    """
-    values = np.asarray(values, dtype=np.float64)
-    curve = 1.055 * np.maximum(values, 0.0) ** (1.0 / 2.4) - 0.055
-    return np.asarray(np.where(values <= 0.0031308, values * 12.92, curve))
-
-
-def subtract_ambient(image: ArrayLike, ambient: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
-    """Take away the light that would be there without the lamp.
-
-    Parameters
-    ----------
-    image : array_like, shape (H, W)
-        Linear light.
-    ambient : float or array_like, shape (H, W)
-        Ambient light or black level, not negative, on the scale of `image`: one number, or a second photograph
-        without the lamp, which may hold anything outside the mask.
-    mask : array_like of bool, shape (H, W), optional
-        Pixels to use. Those outside are returned as they came.
-
-    Returns
-    -------
-    light : ndarray of float64, shape (H, W)
-        The difference; 0 where it is negative.
-    below : ndarray of bool, shape (H, W)
-        True where it is negative by more than rounding errors.
-
-    Raises
-    ------
-    InputError
-        When `ambient` has another shape, or is negative or not finite inside the mask; when `image` or `mask` cannot
-        be used.
-    """
-    values, inside = checked(image, mask)
-    offset = _map("ambient light", ambient, values.shape)
-    bad = inside & ~(np.isfinite(offset) & (offset >= 0))
-    if bad.any():
-        raise InputError(
-            f"The ambient light is {offset[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers, "
-            "0 or more."
-        )
-    light = np.subtract(values, offset, out=values.copy(), where=inside)
-    negative = inside & (light < 0)
-    # A photo's grey level and the same level as ambient light may be decoded with different rounding errors.
-    below = negative & (light < -1e-12 * offset)
-    light[negative] = 0.0
-    return light, below
-
-
-def divide_vignetting(image: ArrayLike, vignetting: ArrayLike, *, mask: ArrayLike | None = None) -> Array:
-    """Undo the darkening of a lens away from the middle of the image.
-
-    Parameters
-    ----------
-    image : array_like, shape (H, W)
-        Linear light, less any ambient light.
-    vignetting : array_like, shape (H, W)
-        Share of the light that the lens lets through at each pixel, above 0. It may hold anything outside the mask.
-    mask : array_like of bool, shape (H, W), optional
-        Pixels to use. Those outside are returned as they came.
-
-    Returns
-    -------
-    ndarray of float64, shape (H, W)
-
-    Raises
-    ------
-    InputError
-        When `vignetting` has another shape, or is not finite and above 0 inside the mask; when `image` or `mask`
-        cannot be used.
-    """
-    values, inside = checked(image, mask)
-    share = _map("vignetting", vignetting, values.shape)
-    bad = inside & ~(np.isfinite(share) & (share > 0))
-    if bad.any():
-        raise InputError(
-            f"The vignetting is {share[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers above "
-            "0, or mask these pixels out."
-        )
-    return np.divide(values, share, out=values.copy(), where=inside)
-
-
 def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> Array:
     """Mean over a square window, the smoothing that the paper applies to its photograph (section 4.2).
 
@@ -156,6 +45,14 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
     ------
     InputError
         When `size` is not such a number, or `image` or `mask` cannot be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.mean_filter([[0, 0, 0], [0, 9, 0], [0, 0, 0]], 3)
+    array([[2.25, 1.5 , 2.25],
+           [1.5 , 1.  , 1.5 ],
+           [2.25, 1.5 , 2.25]])
     """
     values, inside = checked(image, mask)
     if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
@@ -200,6 +97,13 @@ def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentil
     InputError
         When all pixels up to the percentile have one value, `percentile` is impossible, or `image` or `mask` cannot
         be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.normalise_grey([[50, 100], [150, 250]])
+    array([[0.  , 0.25],
+           [0.5 , 1.  ]])
     """
     values, inside = checked(image, mask)
     darkest, brightest = float(values[inside].min()), _percentile(values, inside, percentile)
@@ -277,6 +181,13 @@ def normalise_linear(
     InputError
         When the image has negative values or is black, when `brightest` or `percentile` is impossible, or
         when `image` or `mask` cannot be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> ps.normalise_linear([[0.1, 0.2], [0.3, 0.4]], percentile=100)
+    array([[0.25, 0.5 ],
+           [0.75, 1.  ]])
     """
     values, inside = checked(image, mask)
     negative = np.count_nonzero(values[inside] < 0)
@@ -325,6 +236,16 @@ def clip_highlights(
     ------
     InputError
         When `threshold` or `percentile` is impossible, or `image` or `mask` cannot be used.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> matt, highlights = ps.clip_highlights([[0.2, 0.4], [0.3, 9.0]], threshold=0.5)
+    >>> matt
+    array([[0.2, 0.4],
+           [0.3, 0.5]])
+    >>> int(highlights.sum())
+    1
     """
     values, inside = checked(image, mask)
     if threshold is None:
@@ -382,17 +303,6 @@ def _percentile(values: Array, inside: Mask, percentile: float) -> float:
     if not 0 < share <= 100:
         raise InputError(f"percentile={brief(percentile)} is impossible: give a number above 0, at most 100.")
     return float(np.percentile(values[inside], share))
-
-
-def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """One number a pixel, from one an image or one a pixel."""
-    values = as_array(name, given)
-    if values.dtype.kind not in "iuf" or values.shape not in ((), shape):
-        raise InputError(
-            f"The {name} is {values.dtype} of shape {values.shape}: give an array of numbers of the image's shape, "
-            f"{shape}."
-        )
-    return np.asarray(np.broadcast_to(values, shape), dtype=np.float64)
 
 
 def _window_sum(padded: Array, size: int) -> Array:

@@ -8,7 +8,7 @@ fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -18,16 +18,15 @@ from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_array, brief, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Photo
+from persfs_cl.preparation.correct import cos4_vignetting, divide_vignetting, subtract_ambient
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 from persfs_cl.preparation.normalise import (
     brightest_diffuse,
     checked,
     clip_highlights,
-    divide_vignetting,
     mean_filter,
     normalise_grey,
     normalise_linear,
-    subtract_ambient,
 )
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ class Preparation:
         Number, of the file's own, from which on a pixel is saturated. Left out, it is 98 % of the largest that the
         file can hold; no pixel of a file of floats then is.
     clip_highlights : float, optional
-        Percentile above which brightness is cut; see :func:`persfs_cl.preparation.normalise.clip_highlights`.
+        Percentile above which brightness is cut; see :func:`persfs_cl.clip_highlights`.
     mean_filter : int
         Side of the window in pixels; 1 is no filter.
 
@@ -71,6 +70,13 @@ class Preparation:
     ------
     InputError
         When a choice is unknown, or `ambient` or `saturation` is an impossible number.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> preparation = ps.Preparation(ambient=12, highlights="fill")
+    >>> preparation.ambient, preparation.highlights, preparation.vignetting
+    (12.0, 'fill', 'none')
     """
 
     ambient: float | ArrayLike = 0.0
@@ -97,6 +103,11 @@ class Preparation:
                 raise InputError(f"{name}={brief(value)} is no brightness: give a finite number, 0 or more.")
             object.__setattr__(self, name, number)
 
+    def __repr__(self) -> str:
+        values = ((field.name, getattr(self, field.name)) for field in fields(self))
+        said = (f"{name}={value!r}" if _is_plain(value) else f"{name}=<array>" for name, value in values)
+        return f"Preparation({', '.join(said)})"
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedPhoto:
@@ -122,6 +133,15 @@ class PreparedPhoto:
         Pixels that were cut to the percentile.
     report : mapping
         What was done and to how many pixels, ready for JSON.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png")
+    >>> prepared = ps.prepare_photo(photo, ps.Camera(focal_length=576.0), ps.Preparation(mean_filter=3))
+    >>> prepared.light.shape, int(prepared.mask.sum()), prepared.report["mean_filter"]
+    ((72, 72), 5184, 3)
     """
 
     light: Array
@@ -134,6 +154,12 @@ class PreparedPhoto:
     filled: Mask
     clipped: Mask
     report: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        height, width = self.light.shape
+        inside = self.light[self.mask]
+        light = f", light {inside.min():.4g} to {inside.max():.4g}" if inside.size else ""
+        return f"<PreparedPhoto, {inside.size} of {width} x {height} pixels{light}>"
 
     def normalised(self, how: Normalise = "linear", *, percentile: float | None = None) -> NormalisedPhoto:
         """E in [0, 1], for a parallel light.
@@ -154,6 +180,16 @@ class PreparedPhoto:
         ------
         InputError
             When `how` is unknown, `percentile` is impossible or given for "none", or there is no shading.
+
+        Examples
+        --------
+        >>> from importlib.resources import files
+        >>> import persfs_cl as ps
+        >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png")
+        >>> prepared = ps.prepare_photo(photo, ps.Camera(focal_length=576.0))
+        >>> image = prepared.normalised("grey").image
+        >>> float(image.min()), float(image.max())
+        (0.0, 1.0)
         """
         black, white, image = 0.0, 1.0, self.light
         if how == "linear":
@@ -200,6 +236,11 @@ class NormalisedPhoto:
     unfiltered: Array
     report: Mapping[str, Any]
 
+    def __repr__(self) -> str:
+        height, width = self.image.shape
+        scale = ", ".join(f"{name}={self.report[name]:.4g}" for name in ("black", "white"))
+        return f"<NormalisedPhoto, {width} x {height} pixels, {self.report['normalise']}, {scale}>"
+
 
 def prepare_photo(
     photo: Photo, camera: Camera, preparation: Preparation = Preparation(), *, mask: ArrayLike | None = None
@@ -209,7 +250,7 @@ def prepare_photo(
     Parameters
     ----------
     photo : Photo
-        As :func:`persfs_cl.io.photos.read_photo` returns it.
+        As :func:`persfs_cl.read_photo` returns it.
     camera : Camera
         For the law of vignetting.
     preparation : Preparation
@@ -230,9 +271,14 @@ def prepare_photo(
 
     Examples
     --------
-    >>> photo = read_photo("photo.jpg", channel="green")
-    >>> prepared = prepare_photo(photo, camera, Preparation(vignetting="cos4", highlights="fill"))
-    >>> solution = reconstruct(prepared.normalised().image, camera, mask=prepared.mask)
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png", channel="green")
+    >>> camera = ps.Camera(focal_length=576.0)
+    >>> prepared = ps.prepare_photo(photo, camera, ps.Preparation(vignetting="cos4", highlights="fill"))
+    >>> solution = ps.reconstruct(prepared.light, camera, light=ps.FlashLight(), mask=prepared.mask)
+    >>> solution.status.name, solution.depth.shape
+    ('CONVERGED', (72, 72))
     """
     if not isinstance(photo, Photo):
         raise InputError(f"photo={brief(photo)} is no Photo: give read_photo(path), or take the functions of grey.py.")
@@ -292,30 +338,8 @@ def prepare_photo(
     return PreparedPhoto(light, unfiltered, inside, below, saturated, specular, masked, filled, clipped, report)
 
 
-def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
-    """Share of the light that a simple lens lets through, cos⁴ of the angle between viewing ray and optical axis.
-
-    It is (1 + x² + y²)^-2 in normalised coordinates. Lenses of many elements often darken less, and stops and narrow
-    tubes add to it.
-
-    Parameters
-    ----------
-    camera : Camera
-    shape : (int, int)
-        (height, width) of the image.
-
-    Returns
-    -------
-    ndarray of float64, shape `shape`
-        In (0, 1]; 1 on the optical axis.
-
-    Raises
-    ------
-    CameraError, InputError
-        As :meth:`Camera.grid <persfs_cl.Camera.grid>`.
-    """
-    grid = camera.grid(shape)
-    return np.asarray((1.0 + grid.x**2 + grid.y**2) ** -2)
+def _is_plain(value: object) -> bool:
+    return value is None or isinstance(value, str | int | float)
 
 
 def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:

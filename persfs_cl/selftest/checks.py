@@ -16,7 +16,7 @@ from persfs_cl._cl.selftest import explain
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench.subjects import iterations, smooth_problem
 from persfs_cl.bench.subjects import sweeper as sweeper_that_never_rests
-from persfs_cl.scenes.analytic import bumps
+from persfs_cl.scenes.framed import bumps
 from persfs_cl.selftest.cases import Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
 from persfs_cl.shading.parallel_light import ParallelLight

@@ -6,7 +6,9 @@ import numpy as np
 
 from persfs_cl.camera import Camera
 from persfs_cl.choices import Boundary, Surface
-from persfs_cl.scenes.analytic import Scene, bump, hillside
+from persfs_cl.scenes.analytic import hillside
+from persfs_cl.scenes.framed import bump
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import PixelGrid
-from persfs_cl.checks import brief, finite_number, finite_numbers
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, brief, finite_number, finite_numbers
 from persfs_cl.errors import InputError
 from persfs_cl.shading.equations import Equation, FlashEquation, HeadlightEquation, LampEquation
 from persfs_cl.shading.forward import Direction, surface_norm

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import checks
 from persfs_cl.blocks import row_blocks
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 from persfs_cl.masks import Neighbours
 from persfs_cl.shading.model import Light, Model, largest
@@ -30,29 +28,10 @@ _DARK, _DARK_SHARE = 0.005, 0.05
 """When so many pixels are so dark beside the brightest, 14 times as far away if they face the lamp, they are probably
 no part of what was photographed."""
 
-_READERS = {
-    "image": "read_image(path)",
-    "mask": "persfs_cl.io.photos.read_mask(path, shape)",
-    "walls": "persfs_cl.io.photos.read_mask(path, shape)",
-    "known_depth": "persfs_cl.io.photos.read_depth(path, shape)",
-    "albedo": "persfs_cl.io.photos.read_light(path, shape)",
-}
-_ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
-
-
-def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
-    """The array that a user gave; InputError for paths, photos, lists of unequal length and the like."""
-    if isinstance(given, (str, os.PathLike)):
-        raise InputError(f"{name}={str(given)!r} is no array: give {_READERS[name]} if it is a path.")
-    for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
-        if hasattr(given, attribute):
-            raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
-    return checks.as_array(name, given)
-
 
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
     """The image as an array, shape (height, width), perhaps the very array given; InputError when it is none."""
-    given = as_array("image", image)
+    given = checks.as_map("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
         raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
@@ -64,23 +43,6 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
     if given.size > _MOST_PIXELS:
         raise InputError(f"image has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
     return given
-
-
-def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The albedo as float64, shape (height, width), 1 where it is not used; InputError when it is none."""
-    given = as_array("albedo", albedo)
-    if given.shape != used.shape or not np.issubdtype(given.dtype, np.floating):
-        raise InputError(
-            f"albedo is {given.dtype} of shape {given.shape}: give a float array of the image's shape {used.shape}, "
-            "the share of light in (0, 1] that each pixel's surface returns."
-        )
-    # Written so that a NaN is found too.
-    if bad := int(np.count_nonzero(~((given > 0) & (given <= 1)) & used)):
-        raise InputError(
-            f"albedo is not in (0, 1] at {bad} pixels with a surface, where it ranges from {given[used].min():g} to "
-            f"{given[used].max():g}: divide by its largest value, and mask out what is black or unknown."
-        )
-    return np.where(used, given, 1.0).astype(np.float64)
 
 
 def require_shading(
@@ -158,12 +120,12 @@ def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_
 
 def require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """The array of bool that a user gave, or InputError."""
-    return checks.as_mask(name, as_array(name, given), shape)
+    return checks.as_mask(name, checks.as_map(name, given), shape)
 
 
 def require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The known depths, and where there are any."""
-    depths = as_array("known_depth", given)
+    depths = checks.as_map("known_depth", given)
     if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
         raise InputError(
             f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "

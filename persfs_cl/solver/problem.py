@@ -12,13 +12,11 @@ from persfs_cl import masks
 from persfs_cl._cl.image import Image
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
-from persfs_cl.checks import to_float64
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, require_albedo, to_float64
 from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Domain, lay_out
 from persfs_cl.solver.inputs import (
-    require_albedo,
     require_depths,
     require_image,
     require_mask,

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
-from persfs_cl.checks import warn
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, warn
 from persfs_cl.solver.iterate import Run, Watch, stop_at_once
 from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem

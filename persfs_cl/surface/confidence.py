@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.blocks import row_blocks
+from persfs_cl.camera import Camera
+from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[np.float64]
@@ -33,15 +35,42 @@ class Confidence:
         By how much the slope is wrong where the brightness is 1 % wrong; see :func:`slope_error`. NaN where not solved.
     doubts : mapping of str to ndarray of bool, shape (height, width)
         Pixels whose brightness does not tell of the slope, by the reason.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> confidence = ps.reconstruct(scene.image, scene.camera, light=scene.light).confidence()
+    >>> confidence.slope_error.shape, sorted(confidence.doubts)
+    ((20, 20), ['clamped', 'unreached'])
     """
 
     slope_error: Array
     doubts: Mapping[str, Mask]
 
+    def __repr__(self) -> str:
+        height, width = self.slope_error.shape
+        known = self.slope_error[~np.isnan(self.slope_error)]
+        median = f", median slope error {np.median(known):.3g}" if known.size else ""
+        return f"<Confidence, {width} x {height} pixels{median}, {np.count_nonzero(self._doubtful)} in doubt>"
+
+    @property
+    def _doubtful(self) -> Mask:
+        """Pixels that are in doubt for any reason."""
+        return np.asarray(np.logical_or.reduce([np.zeros(self.slope_error.shape, bool), *self.doubts.values()]))
+
     def report(self) -> dict[str, Any]:
-        """Medians and counts, ready for JSON."""
+        """Medians and counts, ready for JSON.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> confidence = ps.reconstruct(scene.image, scene.camera, light=scene.light).confidence()
+        >>> confidence.report()["doubtful_pixels"]
+        {'unreached': 0, 'clamped': 0, 'any': 0}
+        """
         median, high = np.nanpercentile(self.slope_error, (50, 90))
-        doubtful = np.logical_or.reduce(list(self.doubts.values()))
         return {
             "slope_error": {
                 "assumed_brightness_error": BRIGHTNESS_ERROR,
@@ -50,7 +79,7 @@ class Confidence:
             },
             "doubtful_pixels": {
                 **{reason: int(np.count_nonzero(pixels)) for reason, pixels in self.doubts.items()},
-                "any": int(np.count_nonzero(doubtful)),
+                "any": int(np.count_nonzero(self._doubtful)),
             },
         }
 
@@ -94,3 +123,28 @@ def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
     for some in row_blocks((cosines.size, 1)):
         found[some] = np.interp(np.arccos(np.clip(cosines.reshape(-1)[some], 0.0, 1.0)), angle[half], change)
     return found.reshape(cosines.shape)
+
+
+def cosine_to_light(depth: Array, normals: Array, camera: Camera, light: Light) -> Array:
+    """Cosine of the angle between normal and light at every pixel.
+
+    Parameters
+    ----------
+    depth : ndarray of float64, shape (height, width)
+    normals : ndarray of float64, shape (height, width, 3)
+    camera : Camera
+    light : ParallelLight or FlashLight
+
+    Returns
+    -------
+    ndarray of float64, shape (height, width)
+        NaN where there is no surface.
+    """
+    grid = camera.grid((depth.shape[0], depth.shape[1]))
+    cosine = np.empty(depth.shape)
+    for rows in row_blocks(depth.shape):
+        z = depth[rows]
+        to_light = light.toward(z, grid.x, grid.y[rows])
+        along = (normals[rows] * to_light).sum(axis=-1)
+        np.divide(along, np.linalg.norm(to_light, axis=-1), out=cosine[rows])
+    return cosine

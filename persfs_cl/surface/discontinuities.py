@@ -51,7 +51,7 @@ _CELLS = 1 << 22
 """Of the windows around pixels that are looked at together."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Ways:
     """From the pixels of walls to what has a depth, in each direction; arrays of shape (8, n) but for the first two.
 
@@ -175,7 +175,7 @@ def fill_walls(log_depth: Array, walls: Mask, image: Array, known: Array) -> Cut
     return _cuts(padded, ways, chosen, links)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Continued:
     """What each side says of a pixel, repeated for all ways to that side; arrays of shape (8, n).
 

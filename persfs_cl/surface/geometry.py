@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import as_array, as_floats
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, as_array, as_floats
 from persfs_cl.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,19 +34,48 @@ class Cuts:
         True between a pixel and the next one to the right.
     down : ndarray of bool, shape (height - 1, width)
         True between a pixel and the next one below.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> walls = np.zeros(scene.image.shape, bool)
+    >>> walls[10, 5:15] = True
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light, walls=walls)
+    >>> solution.cuts.right.shape, solution.cuts.down.shape
+    ((20, 19), (19, 20))
     """
 
     right: NDArray[np.bool_]
     down: NDArray[np.bool_]
 
+    def __repr__(self) -> str:
+        height, width = len(self.right), self.down.shape[-1]
+        right, down = np.count_nonzero(self.right), np.count_nonzero(self.down)
+        return f"<Cuts, {width} x {height} pixels, {right} to the right, {down} below>"
+
     @classmethod
     def none(cls, shape: tuple[int, ...]) -> Cuts:
-        """No cut yet in an image of a shape (height, width)."""
+        """No cut yet in an image of a shape (height, width).
+
+        Examples
+        --------
+        >>> from persfs_cl.surface.geometry import Cuts
+        >>> Cuts.none((20, 30))
+        <Cuts, 30 x 20 pixels, 0 to the right, 0 below>
+        """
         height, width = shape
         return cls(np.zeros((height, width - 1), dtype=bool), np.zeros((height - 1, width), dtype=bool))
 
     def check(self, shape: tuple[int, ...]) -> None:
-        """Raise InputError when these are not cuts of an image of a shape (height, width)."""
+        """Raise InputError when these are not cuts of an image of a shape (height, width).
+
+        Examples
+        --------
+        >>> from persfs_cl.surface.geometry import Cuts
+        >>> Cuts.none((20, 30)).check((20, 30))
+        """
         height, width = shape
         for name, cut, size in (("right", self.right, (height, width - 1)), ("down", self.down, (height - 1, width))):
             if cut.dtype != bool or cut.shape != size:

@@ -11,7 +11,7 @@ from persfs_cl._cl import rendering
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_floats, as_mask, brief
+from persfs_cl.checks import as_floats, as_mask, brief, require_albedo
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
@@ -21,7 +21,6 @@ from persfs_cl.shading.material import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.inputs import require_albedo
 from persfs_cl.surface.geometry import Cuts, depth_array, log_depth_gradient
 
 
@@ -74,6 +73,18 @@ def render(
     Notes
     -----
     Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
+
+    Examples
+    --------
+    A plane that faces camera and lamp is darker away from the middle, where it is farther off:
+
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> image = ps.render(np.full((3, 3), 2.0), ps.Camera(focal_length=2.0), light=ps.FlashLight(gain=4.0))
+    >>> bool(image[1, 1] > image[0, 1] > image[0, 0])
+    True
+    >>> round(float(image[1, 1]), 5)
+    1.0
     """
     model = require_light(light).model(require_reflectance(reflectance))
     require_camera(camera)

@@ -1,4 +1,4 @@
-"""What a reconstruction returns."""
+"""What a reconstruction returns: the surface, how the run went, and files of all of it."""
 
 from __future__ import annotations
 
@@ -8,39 +8,33 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl import metrics
-from persfs_cl._cl.device import Device
-from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import Camera
-from persfs_cl.checks import as_array, as_floats, brief, warn
 from persfs_cl.errors import InputError
-from persfs_cl.io import photos as images
-from persfs_cl.io.files import FilePath, as_path, atomic_path, filling, json_text
-from persfs_cl.shading.model import Light
-from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.surface import geometry as surface
+from persfs_cl.io.export import write_depth, write_grey
+from persfs_cl.io.files import FilePath, as_path, filling
 from persfs_cl.surface import plots as pictures
-from persfs_cl.surface import render as forward
-from persfs_cl.surface.confidence import Confidence, slope_error
-
-if TYPE_CHECKING:
-    import trimesh
+from persfs_cl.surface.confidence import Confidence
+from persfs_cl.surface.export import draw_all, write_json, write_mesh
+from persfs_cl.surface.solved import Doubts, SolvedSurface
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Doubts = Mapping[str, Mask]
-
-_BRIGHTEST = 1e100
-"""More than any brightness; what is multiplied by it still has a double-precision number."""
 
 
 class Status(enum.Enum):
-    """How an iteration ended; the value says what that means and what to try."""
+    """How an iteration ended; the value says what that means and what to try.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.status is ps.Status.CONVERGED
+    True
+    """
 
     CONVERGED = "The largest change over an iteration is at most the tolerance."
     MAX_ITERATIONS = (
@@ -62,6 +56,14 @@ class Elapsed:
         Of these, on the device.
     build : float
         Of these, compiling kernels; next to nothing when they were compiled before.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.elapsed.total > solution.elapsed.kernels > 0
+    True
     """
 
     total: float
@@ -69,66 +71,44 @@ class Elapsed:
     build: float
 
 
-@dataclass(frozen=True, repr=False)
-class Solution:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solution(SolvedSurface):
     """A reconstructed surface.
 
     Attributes
     ----------
-    depth : ndarray of float64, shape (height, width)
-        z along the optical axis, in the units of the known values; NaN where not solved.
-    log_depth : ndarray of float64, shape (height, width)
-        Z = ln z.
-    solved : ndarray of bool, shape (height, width)
-        Pixels that have a depth, known ones included.
-    unreached : ndarray of bool, shape (height, width)
-        Pixels that were to be solved but have no depth: no known value can reach them, or none had reached them when
-        the run was ended early.
-    clamped : ndarray of bool, shape (height, width)
-        Solved pixels where the equation degenerates (too dark for their place in the image): their slope is bounded
-        by ``max_slope`` alone.
+    depth, log_depth, solved, unreached, clamped
+        z and Z = ln z of each pixel, and which pixels have a depth, have none, or have one that the equation leaves
+        open; arrays of shape (height, width), see :class:`SolvedSurface <persfs_cl.surface.solved.SolvedSurface>`.
+    image, camera, light, reflectance, albedo, device
+        What it was found from, and where.
+    walls, cuts
+        Where the surface may jump, and where it is interrupted; None where no walls were given.
     iterations : int
         Iterations done, of four sweeps each.
     changes : ndarray of float64, shape (iterations,)
         max |ΔZ| over each iteration.
     status : Status
     elapsed : Elapsed
-    device : Device
-    image : ndarray of float64, shape (height, width)
-        The brightness that was reconstructed: E, or that under the flash.
-    camera, light, reflectance
-        As given.
     parameters : mapping
         The remaining keywords, with "auto" resolved.
-    albedo : ndarray of float64, shape (height, width), or None
-        As given; 1 where there is no surface.
-    walls : ndarray of bool, shape (height, width), or None
-        Pixels on walls that the surface may have: inside the mask, or of known depth. They are solved where a side had
-        a depth within `REACH <persfs_cl.surface.discontinuities.REACH>` pixels, from which it is continued. None where
-        none were given.
-    cuts : Cuts or None
-        Where the walls interrupt the surface: between each of their pixels and the neighbours on other sides. Normals,
-        mesh and the surface photographed again do not look across. None where no walls were given.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.status.name, solution.depth.shape, bool(solution.solved.all())
+    ('CONVERGED', (20, 20), True)
+    >>> ps.compare(solution.depth, scene.depth).mean < 0.01
+    True
     """
 
-    depth: Array
-    log_depth: Array
-    solved: NDArray[np.bool_]
-    unreached: NDArray[np.bool_]
-    clamped: NDArray[np.bool_]
     iterations: int
     changes: Array
     status: Status
     elapsed: Elapsed
-    device: Device
-    image: Array
-    camera: Camera
-    light: Light
-    reflectance: Reflectance
     parameters: Mapping[str, Any]
-    albedo: Array | None = None
-    walls: Mask | None = None
-    cuts: surface.Cuts | None = None
 
     def __repr__(self) -> str:
         height, width = self.depth.shape
@@ -137,118 +117,6 @@ class Solution:
         depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if solved else ""
         return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
 
-    def normals(self) -> Array:
-        """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved."""
-        return surface.normals(self.depth, self.camera, self.cuts)
-
-    def points(self) -> Array:
-        """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved."""
-        return surface.points(self.depth, self.camera)
-
-    def mesh(self, colour: NDArray[np.uint8] | None = None) -> trimesh.Trimesh:
-        """Triangle mesh, with no faces across unsolved pixels or cuts.
-
-        Parameters
-        ----------
-        colour : ndarray of uint8, shape (height, width) or (height, width, 3), optional
-            Vertex colours; the image itself, encoded for display, when not given.
-        """
-        if colour is None:
-            colour = images.to_display(np.nan_to_num(self.image / self.white))
-        return surface.mesh(self.depth, self.camera, colour, self.cuts)
-
-    @property
-    def white(self) -> float:
-        """Brightness that is drawn white and counts 255 grey levels: 1, or under a flash the image's brightest."""
-        if self.light.normalised:
-            return 1.0
-        used = self.solved if self.walls is None else self.solved & ~self.walls
-        # Of known pixels the brightness may be anything, or black where a run was ended early.
-        brightest = float(np.fmax.reduce(self.image[used], initial=0.0))
-        return brightest if brightest * _BRIGHTEST >= 1.0 else 1.0
-
-    def render(self) -> Array:
-        """The surface photographed again under its own light, eq. (6); NaN where not solved."""
-        return forward.render(
-            self.depth,
-            self.camera,
-            light=self.light,
-            reflectance=self.reflectance,
-            albedo=self.albedo,
-            cuts=self.cuts,
-            device=self.device,
-        )
-
-    def grey_errors(self, photo: Array | None = None) -> metrics.Errors:
-        """Difference between the re-rendered and the given image in grey levels, 0 to 255 (the paper's Table 2).
-
-        Parameters
-        ----------
-        photo : ndarray of float, shape (height, width), optional
-            Compare with this image, on the same scale, such as the photograph before smoothing, instead of with the
-            prepared :attr:`image`.
-
-        Raises
-        ------
-        InputError
-            When it holds no numbers, or is not of the image's shape.
-        """
-        given = self.image if photo is None else as_floats("photo", photo)
-        if given.shape != self.image.shape:
-            raise InputError(f"photo has shape {given.shape}: give one of the image's shape {self.image.shape}.")
-        if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
-            raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
-        return self._grey_errors(self.render(), given)
-
-    def _grey_errors(self, rendered: Array, given: Array) -> metrics.Errors:
-        grey = 255.0 / self.white
-        seen = np.clip(rendered, 0.0, self.white)
-        seen *= grey
-        return metrics.compare(seen, grey * given)
-
-    def confidence(self, doubts: Doubts | None = None) -> Confidence:
-        """How far each pixel can be believed, as far as it can be told without knowing the surface.
-
-        Parameters
-        ----------
-        doubts : mapping of str to ndarray of bool, shape (height, width), optional
-            Further pixels whose brightness does not tell of the slope, by the reason: shadows, highlights and the like.
-            In :attr:`Confidence.doubts <persfs_cl.surface.confidence.Confidence.doubts>` they come after those that the
-            solver knows of: "unreached", "clamped" and, where walls were given, "on a wall".
-
-        Returns
-        -------
-        Confidence
-
-        Raises
-        ------
-        InputError
-            When `doubts` is no mapping, or a map is not of bool, or not of the image's shape.
-        """
-        return self._confidence(self.normals(), doubts)
-
-    def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
-        if doubts is not None and not isinstance(doubts, Mapping):
-            raise InputError(f"doubts={brief(doubts)} is no mapping: give maps of bool by the reason for doubt.")
-        given = {reason: as_array(f"doubts[{reason!r}]", pixels) for reason, pixels in (doubts or {}).items()}
-        for reason, pixels in given.items():
-            if pixels.dtype != bool or pixels.shape != self.depth.shape:
-                raise InputError(
-                    f"doubts[{reason!r}] is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's "
-                    f"shape {self.depth.shape}."
-                )
-        grid = self.camera.grid((self.depth.shape[0], self.depth.shape[1]))
-        cosine = np.empty(self.depth.shape)
-        for rows in row_blocks(self.depth.shape):
-            z = self.depth[rows]
-            to_light = self.light.toward(z, grid.x, grid.y[rows])
-            along = (normals[rows] * to_light).sum(axis=-1)
-            np.divide(along, np.linalg.norm(to_light, axis=-1), out=cosine[rows])
-        own = {"unreached": self.unreached, "clamped": self.clamped}
-        if self.walls is not None:
-            own["on a wall"] = self.walls
-        return Confidence(slope_error(cosine, self.reflectance), {**own, **given})
-
     def report(self, doubts: Doubts | None = None) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON.
 
@@ -256,6 +124,15 @@ class Solution:
         ----------
         doubts : mapping, optional
             As for :meth:`confidence`.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> report = solution.report()
+        >>> report["status"], report["pixels"]["solved"], report["parameters"]["scheme"]
+        ('CONVERGED', 400, 'upwind')
         """
         return self._report(self.render(), self.confidence(doubts))
 
@@ -343,6 +220,17 @@ class Solution:
         ------
         InputError
             When the suffix is unknown or the file cannot be written.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> with TemporaryDirectory() as folder:
+        ...     solution.save(Path(folder) / "bump.ply")[0].name
+        'bump.ply'
         """
         target = as_path(path)
         if target.suffix and not folder and not target.is_dir():
@@ -355,7 +243,7 @@ class Solution:
             # Once for the report and all pictures: in a large photograph these take more memory than all the rest.
             normals, rendered = self.normals(), self.render()
             confidence = self._confidence(normals, doubts)
-            _write_json(temporary / "report.json", self._report(rendered, confidence), report)
+            write_json(temporary / "report.json", self._report(rendered, confidence), report)
             drawn = self._draw(temporary, normals, rendered, confidence)
             del normals, rendered, confidence
             self._write(temporary / "mesh.ply", colour, report, doubts)
@@ -374,15 +262,13 @@ class Solution:
     ) -> None:
         suffix = target.suffix.lower()
         if suffix in (".npy", ".tif", ".tiff"):
-            images.write_depth(target, self.depth)
+            write_depth(target, self.depth)
         elif suffix == ".png":
             pictures.depth_picture(target, self.depth, unit=self._unit)
         elif suffix in (".ply", ".obj", ".stl", ".glb"):
-            mesh = self.mesh(colour)
-            with atomic_path(target) as temporary:
-                mesh.export(temporary)
+            write_mesh(target, self.mesh(colour))
         elif suffix == ".json":
-            _write_json(target, self.report(doubts), report)
+            write_json(target, self.report(doubts), report)
         else:
             raise InputError(
                 f"{target.name!r} has no known suffix: use .npy, .tiff, .png, .ply, .obj, .stl, .glb or .json, "
@@ -405,38 +291,17 @@ class Solution:
                 cuts=self.cuts,
                 normals=normals,
             ),
-            "rendered": lambda path: images.write_grey(path, rendered / white),
+            "rendered": lambda path: write_grey(path, rendered / white),
             "comparison": lambda path: pictures.comparison_picture(
                 path, self.image, rendered, white=white, photo_title="Prepared photograph"
             ),
             "confidence": lambda path: pictures.confidence_picture(path, confidence.slope_error, confidence.doubts),
             "convergence": lambda path: pictures.convergence_picture(path, self.changes, self.parameters["tolerance"]),
         }
-        drawn = []
-        for name, draw in drawings.items():
-            file = f"{name}.png"
-            try:
-                draw(folder / file)
-            except Exception as error:  # whatever a library that draws raises
-                # A full disk has room for no other file either: the user chooses another.
-                if isinstance(error, InputError) and isinstance(error.__cause__, OSError):
-                    raise
-                warn(
-                    f"{file} could not be drawn ({type(error).__name__}: {' '.join(str(error).split())}): depth, mesh, "
-                    "report and other pictures are complete without it."
-                )
-            else:
-                drawn.append(file)
-        return drawn
+        return draw_all(folder, drawings)
 
 
 def _extremes(values: Array) -> dict[str, float | None]:
     if values.size == 0:
         return dict.fromkeys(("min", "median", "max"))
     return {"min": float(values.min()), "median": float(np.median(values)), "max": float(values.max())}
-
-
-def _write_json(target: Path, *entries: Mapping[str, Any] | None) -> None:
-    merged = {name: value for some in entries for name, value in (some or {}).items()}
-    with atomic_path(target) as temporary:
-        temporary.write_text(json_text(merged) + "\n", encoding="utf-8")

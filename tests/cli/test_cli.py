@@ -29,16 +29,20 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import persfs_cl as ps
+from persfs_cl import colour
 from persfs_cl._cl import device as device_room
 from persfs_cl.cli.interrupts import raising, stop_on_interrupt
 from persfs_cl.cli.output import in_options
 from persfs_cl.cli.progress import remaining_iterations
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.io import files
-from persfs_cl.io.photos import read_depth, read_photo, write_depth, write_grey
+from persfs_cl.io.export import write_depth, write_grey
+from persfs_cl.io.maps import read_depth
+from persfs_cl.io.photos import read_photo
 from persfs_cl.io.points import compare_points
 from persfs_cl.preparation import normalise as grey
-from persfs_cl.preparation.prepare import Preparation, cos4_vignetting, prepare_photo
+from persfs_cl.preparation.correct import cos4_vignetting
+from persfs_cl.preparation.prepare import Preparation, prepare_photo
 from persfs_cl.solver.options import described
 
 FILES = {
@@ -137,7 +141,7 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "below_ambient_pixels": 0,
         "vignetting": "none",
         "saturation": 0.98 * 65535,
-        "saturated_pixels": np.count_nonzero(SCENE.image >= grey.decode_srgb(0.98)),
+        "saturated_pixels": np.count_nonzero(SCENE.image >= colour.decode_srgb(0.98)),
         "highlights": "keep",
         "specular_pixels": None,
         "masked_pixels": 0,
@@ -290,7 +294,7 @@ def test_alpha_mask_and_walls_are_combined(tmp_path: Path) -> None:
     mask[:, :5] = False
     walls[:] = False
     walls[:, 20] = True
-    levels = np.rint(255 * grey.encode_srgb(SCENE.image)).astype(np.uint8)
+    levels = np.rint(255 * colour.encode_srgb(SCENE.image)).astype(np.uint8)
     colours = np.stack([levels, levels // 2, levels // 3, 255 * opaque.astype(np.uint8)], axis=-1)
     Image.fromarray(colours).save(tmp_path / "photo.png")
     Image.fromarray(mask).save(tmp_path / "mask.png")
@@ -913,7 +917,7 @@ def test_compare_images_in_grey_levels(tmp_path: Path) -> None:
         assert result["mean"] == pytest.approx(4 / 5)
         assert result["root_mean_square"] == pytest.approx(np.sqrt(10 / 5))
         assert (result["count"], result["unit"]) == (5, "grey levels")
-    decoded = 255 * (grey.decode_srgb(33 / 255) - grey.decode_srgb(30 / 255))
+    decoded = 255 * (colour.decode_srgb(33 / 255) - colour.decode_srgb(30 / 255))
     result = json.loads(run("compare", tmp_path / "a.png", tmp_path / "b.png", "--json").stdout)
     assert result["maximum"] == pytest.approx(decoded)
 

@@ -27,7 +27,8 @@ from fuzz.invariants import (
     strict_json,
 )
 from fuzz.mutate import mutated, text_mutated
-from persfs_cl.io.photos import Channel, Encoding, read_depth, read_light, read_mask
+from persfs_cl.io.maps import read_depth, read_light, read_mask
+from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.io.points import at_points, compare_points, read_points
 
 

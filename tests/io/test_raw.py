@@ -11,7 +11,8 @@ import tifffile
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.io.photos import read_mask, read_photo
+from persfs_cl.io.maps import read_mask
+from persfs_cl.io.photos import read_photo
 
 PREVIEW, SENSOR = np.full((16, 24, 3), 128, np.uint8), np.zeros((64, 96), np.uint16)
 DNG = [(50706, "B", 4, (1, 4, 0, 0), True)]

@@ -13,7 +13,8 @@ from PIL import Image
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.io.photos import read_depth, read_mask, read_photo
+from persfs_cl.io.maps import read_depth, read_mask
+from persfs_cl.io.photos import read_photo
 from persfs_cl.io.tiff import DNG_VERSION, IMAGE_LENGTH, IMAGE_WIDTH, MAKE, read_directories
 
 Entry = tuple[int, int, int, bytes]

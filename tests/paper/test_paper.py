@@ -16,6 +16,7 @@ from command import run
 
 import persfs_cl as ps
 from persfs_cl._cl.device import Device
+from persfs_cl.colour import encode_srgb
 from persfs_cl.page import filled, marked
 from persfs_cl.paper import fast_marching, printed, sensitivity, statue
 from persfs_cl.paper.course import told
@@ -23,7 +24,6 @@ from persfs_cl.paper.experiments import EXPERIMENTS
 from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
-from persfs_cl.preparation.normalise import encode_srgb
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from persfs_cl.choices import Surface
 from persfs_cl.errors import UnavailableError
 from persfs_cl.paper import fast_marching
 from persfs_cl.paper.tankus import Iterate, iterations
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 
 both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
 

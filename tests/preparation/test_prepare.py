@@ -14,10 +14,12 @@ import tifffile
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
+from persfs_cl.colour import decode_srgb
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Photo, read_photo
-from persfs_cl.preparation.normalise import clip_highlights, decode_srgb, mean_filter, normalise_grey, normalise_linear
-from persfs_cl.preparation.prepare import Preparation, cos4_vignetting, prepare_photo
+from persfs_cl.preparation.correct import cos4_vignetting
+from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
+from persfs_cl.preparation.prepare import Preparation, prepare_photo
 
 Array = NDArray[np.float64]
 SHAPE = HEIGHT, WIDTH = 30, 40

@@ -8,7 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
+from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
+from persfs_cl.scenes.framed import bump, bumps
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.forward import reflectance_map
 from persfs_cl.shading.lambertian import Lambertian

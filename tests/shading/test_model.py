@@ -11,7 +11,7 @@ import pytest
 
 import persfs_cl as ps
 from persfs_cl.choices import Precision, Scheme
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.surface.geometry import log_depth_gradient
 

@@ -10,7 +10,7 @@ import pytest
 
 import persfs_cl as ps
 from persfs_cl.choices import Precision
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.reflectance import Reflectance
 
 FLASH = ps.FlashLight()

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl.choices import Boundary
-from persfs_cl.io.photos import write_grey
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.io.export import write_grey
+from persfs_cl.scenes.scene import Scene
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
 
@@ -306,8 +306,8 @@ def depths(value: float) -> np.ndarray[Any, Any]:
         ({"image": "photo.png"}, "image='photo.png' is no array: give read_image"),
         ({"image": Path("photo.png")}, "image='photo.png' is no array: give read_image"),
         ({"image": ps.bump((20, 24))}, "image is a Scene, no array: give its .image"),
-        ({"mask": "mask.png"}, r"give persfs_cl\.io\.photos\.read_mask\(path, shape\) if"),
-        ({"known_depth": "depth.npy"}, r"give persfs_cl\.io\.photos\.read_depth"),
+        ({"mask": "mask.png"}, r"give read_mask\(path, shape\) if"),
+        ({"known_depth": "depth.npy"}, r"give read_depth\(path, shape\) if"),
         ({"mask": np.ones((4, 4), bool)}, "image's shape"),
         ({"mask": np.ones(IMAGE.shape)}, "bool"),
         ({"mask": np.zeros(IMAGE.shape, bool)}, "nothing to solve"),

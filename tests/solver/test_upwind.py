@@ -10,7 +10,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl.choices import Precision, Surface
 from persfs_cl.masks import steps_from
-from persfs_cl.scenes.analytic import Scene
+from persfs_cl.scenes.scene import Scene
 
 FRONTAL, OBLIQUE = ps.ParallelLight(), ps.ParallelLight(0.15, -0.1)
 MAX_SLOPE = 5.0

@@ -358,7 +358,7 @@ def test_walls_beyond_the_mask_are_no_surface_and_what_is_known_there_is() -> No
 
 def test_relief_has_no_facet_across_a_cut(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     drawn: list[Array] = []
-    monkeypatch.setattr(pictures, "_draw_solid", lambda _axes, facets, *_others: drawn.append(facets))
+    monkeypatch.setattr(pictures.relief, "_draw_solid", lambda _axes, facets, *_others: drawn.append(facets))
     for size, step_width in ((60, 1), (450, 3)):
         front = np.hypot(*(np.mgrid[:size, :size] - size / 2.1)) < size / 3.3
         camera, depth = ps.Camera(float(size)), np.where(front, 1.0, 2.0)

@@ -369,7 +369,7 @@ def test_settings_of_the_user_play_no_part(tmp_path: Path) -> None:
     )
     environment = os.environ | {
         "MPLBACKEND": "nonsense",
-        "PYTHONPATH": os.pathsep.join([str(Path(plots.__file__).parents[2]), os.environ.get("PYTHONPATH", "")]),
+        "PYTHONPATH": os.pathsep.join([str(Path(plots.__file__).parents[3]), os.environ.get("PYTHONPATH", "")]),
     }
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False

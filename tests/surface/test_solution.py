@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl import blocks
-from persfs_cl.io.photos import read_depth
+from persfs_cl.io.maps import read_depth
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
@@ -232,7 +232,7 @@ def test_a_matplotlib_that_cannot_be_imported_costs_nothing_else(
         # As it does where it may write nowhere.
         raise OSError("requires access to a writable cache directory") from FileNotFoundError("no temporary directory")
 
-    monkeypatch.setattr(pictures, "_matplotlib", fail)
+    monkeypatch.setattr(pictures.canvas, "load_matplotlib", fail)
     with pytest.warns(UserWarning, match=r"could not be drawn \(OSError: requires access"):
         solution.save(tmp_path / "result")
     assert {file.name for file in (tmp_path / "result").iterdir()} >= {"depth.npy", "mesh.ply", "report.json"}

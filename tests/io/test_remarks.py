@@ -13,7 +13,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl.program import program
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.decoding import decoding
+from persfs_cl.io.remarks import decoding
 
 
 def test_log_lines_and_warnings_become_one_warning(capfd: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,118 @@
+"""Depth maps and grey images written to files."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.checks import as_array
+from persfs_cl.colour import encode_srgb, quantised
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import FilePath, as_path, atomic_path
+
+_TIFF_SUFFIXES = (".tif", ".tiff")
+
+
+def write_depth(path: FilePath, depth: ArrayLike) -> None:
+    """Write a depth map.
+
+    Parameters
+    ----------
+    path : path
+        `.npy` keeps the precision of `depth`; `.tif` and `.tiff` are float32.
+    depth : array_like, shape (H, W)
+        NaN where there is none.
+
+    Raises
+    ------
+    InputError
+        When the suffix is another, `depth` is no (H, W) array of numbers, or the file cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.io import read_depth, write_depth
+    >>> with TemporaryDirectory() as folder:
+    ...     write_depth(Path(folder) / "depth.tiff", np.array([[1.25, np.nan]]))
+    ...     read_depth(Path(folder) / "depth.tiff")
+    array([[1.25,  nan]])
+    """
+    import tifffile
+
+    target = as_path(path)
+    suffix = target.suffix.lower()
+    if suffix not in (".npy", *_TIFF_SUFFIXES):
+        raise InputError(f"{target} cannot hold a depth map: give a name that ends in .npy, .tif or .tiff.")
+    values = _grey_array(depth, "depth")
+    with atomic_path(target) as temporary:
+        if suffix == ".npy":
+            np.save(temporary, values, allow_pickle=False)
+        else:
+            tifffile.imwrite(temporary, values.astype(np.float32), photometric="minisblack", metadata=None)
+
+
+def write_grey(
+    path: FilePath,
+    image: ArrayLike,
+    bits: Literal[8, 16] = 8,
+    *,
+    encoding: Literal["srgb", "linear"] = "srgb",
+) -> None:
+    """Write a grey image of integers.
+
+    Parameters
+    ----------
+    path : path
+        `.png`, `.tif` or `.tiff`.
+    image : array_like, shape (H, W)
+        Linear light; cut to [0, 1], NaN becomes 0.
+    bits : {8, 16}
+        Bits per sample.
+    encoding : {"srgb", "linear"}
+        "srgb" is what viewers, and `read_image`, expect; "linear" writes image · (2^bits - 1).
+
+    Raises
+    ------
+    InputError
+        When an option or the suffix is another, `image` is no (H, W) array of numbers, or the file cannot
+        be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from persfs_cl.io import read_image, write_grey
+    >>> with TemporaryDirectory() as folder:
+    ...     write_grey(Path(folder) / "image.png", [[0.0, 0.2, 1.0]], bits=16)
+    ...     read_image(Path(folder) / "image.png").round(3)
+    array([[0. , 0.2, 1. ]])
+    """
+    import imageio.v3
+
+    target = as_path(path)
+    suffix = target.suffix.lower()
+    if suffix not in (".png", *_TIFF_SUFFIXES):
+        raise InputError(f"{target} cannot hold a grey image: give a name that ends in .png, .tif or .tiff.")
+    if bits not in (8, 16):
+        raise InputError(f"bits={bits!r} is impossible: give 8 or 16.")
+    if encoding not in ("srgb", "linear"):
+        raise InputError(f"encoding={encoding!r} is unknown: give srgb or linear.")
+    values = _grey_array(image, "image")
+    levels = quantised(encode_srgb(values) if encoding == "srgb" else values, bits)
+    # In memory first: imageio's writers print a traceback of their own when the disk is full.
+    data = imageio.v3.imwrite("<bytes>", levels, extension=suffix)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(data)
+
+
+def _grey_array(values: ArrayLike, name: str) -> NDArray[np.floating[Any]]:
+    array = as_array(name, values)
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"The {name} holds {array.dtype}, not numbers: give an array of floats.")
+    if array.ndim != 2 or array.size == 0:
+        raise InputError(f"The {name} has shape {array.shape}: give an array (height, width).")
+    return array if array.dtype.kind == "f" else array.astype(np.float64)

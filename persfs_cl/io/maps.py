@@ -1,0 +1,238 @@
+"""Maps that go with a photograph, pixel for pixel: masks, depths, and light such as an albedo or vignetting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.checks import to_float64, warn
+from persfs_cl.errors import InputError
+from persfs_cl.io.decode import TURNED, read_npy, read_raster, require_brightness
+from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.io.photos import Channel, Encoding, read_photo
+
+Array = NDArray[np.float64]
+_TIFF_SUFFIXES = (".tif", ".tiff")
+_ON_A_SIDE = (5, 6, 7, 8)
+
+
+def read_light(
+    path: FilePath,
+    shape: tuple[int, int],
+    *,
+    channel: Channel = "luminance",
+    encoding: Encoding = "auto",
+    orientation: int = 1,
+) -> Array:
+    """A map of linear light that goes with a photo: ambient light, or the vignetting of the lens.
+
+    Parameters
+    ----------
+    path : path
+        A PNG, JPEG or TIFF image, or a `.npy` file of linear light.
+    shape : (int, int)
+        (height, width) that the map must have.
+    channel, encoding
+        As for `read_photo`, for images.
+    orientation : int
+        `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
+
+    Returns
+    -------
+    ndarray of float64, shape `shape`
+        NaN where a file of floats has it.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, or is of another shape or of another type.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> with TemporaryDirectory() as folder:
+    ...     np.save(Path(folder) / "dark.npy", np.full((2, 3), 0.25))
+    ...     dark = ps.read_light(Path(folder) / "dark.npy", (2, 3))
+    >>> dark
+    array([[0.25, 0.25, 0.25],
+           [0.25, 0.25, 0.25]])
+    """
+    path = as_path(path)
+    own = 1
+    if path.suffix.lower() == ".npy":
+        stored = read_npy(path)
+        if stored.dtype.kind not in "iuf":
+            raise InputError(f"{path} holds {stored.dtype}, not numbers: save linear light as floats.")
+        light = to_float64(stored)
+    else:
+        photo = read_photo(path, channel=channel, encoding=encoding, keep_nan=True)
+        light, own = photo.image, photo.orientation
+    _require_shape(path, light, shape, orientation, own=own)
+    return light
+
+
+def read_mask(path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -> NDArray[np.bool_]:
+    """A mask from an image file or a NumPy file.
+
+    Parameters
+    ----------
+    path : path
+        A PNG, JPEG or TIFF image: True where a channel is above half of its range and alpha, if there is
+        any, is too. Or a `.npy` file of bool.
+    shape : (int, int)
+        (height, width) that the mask must have.
+    orientation : int
+        `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
+
+    Returns
+    -------
+    ndarray of bool, shape `shape`
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, is of another shape or of another type, or is an image whose brightest
+        sample is above 0 but not above half of the range.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
+
+    Examples
+    --------
+    >>> from importlib.resources import files
+    >>> import persfs_cl as ps
+    >>> mask = ps.read_mask(files("persfs_cl") / "data" / "coin_mask.png", (72, 72))
+    >>> mask.dtype, bool(mask[0, 0]), bool(mask[36, 36])
+    (dtype('bool'), False, True)
+    """
+    path = as_path(path)
+    own = 1
+    if path.suffix.lower() == ".npy":
+        mask = read_npy(path)
+        if mask.dtype != np.bool_:
+            raise InputError(f"{path} holds {mask.dtype}, not bool: save it as mask.astype(bool).")
+    else:
+        raster = read_raster(path)
+        require_brightness(path, raster)
+        brightest = float(raster.colours.max())
+        if 0 < brightest <= raster.white / 2:
+            raise InputError(
+                f"{path} selects no pixel: its brightest sample is {brightest:g} of {raster.white:g}. "
+                "Paint white what is to be selected."
+            )
+        mask = np.any(raster.colours > raster.white / 2, axis=2)
+        if raster.opaque is not None:
+            mask &= raster.opaque
+        own = raster.orientation
+    _require_shape(path, mask, shape, orientation, own=own)
+    return mask
+
+
+def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientation: int = 1) -> Array:
+    """A depth map from a NumPy or TIFF file.
+
+    Parameters
+    ----------
+    path : path
+        `.npy`, `.tif` or `.tiff`, of floats or integers.
+    shape : (int, int), optional
+        (height, width) that the depth must have.
+    orientation : int
+        `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+        Depth above 0, and NaN where it is unknown: where the file has NaN or, in a file of integers, 0.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, is no single depth map of numbers, has another shape or suffix, or
+        holds values that are infinite or not above 0.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the shape does not tell whether the file was made for the turned photo.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import persfs_cl as ps
+    >>> with TemporaryDirectory() as folder:
+    ...     np.save(Path(folder) / "depth.npy", np.array([[1500, 0], [1480, 1470]], np.uint16))
+    ...     depth = ps.read_depth(Path(folder) / "depth.npy")
+    >>> depth
+    array([[1500.,   nan],
+           [1480., 1470.]])
+    """
+    path = as_path(path)
+    own = 1
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        stored = read_npy(path)
+    elif suffix in _TIFF_SUFFIXES:
+        raster = read_raster(path)
+        stored, own = raster.samples, raster.orientation
+        stored = stored[..., 0] if stored.shape[2] == 1 else stored
+    else:
+        raise InputError(f"{path} is not a depth map by its name: give a .npy, .tif or .tiff file.")
+    if stored.dtype.kind not in "iuf":
+        raise InputError(f"{path} holds {stored.dtype}, not numbers: save the depth as floats.")
+    if stored.ndim != 2 or stored.size == 0:
+        raise InputError(f"{path} has shape {stored.shape}: a depth map is (height, width).")
+    if shape is not None:
+        _require_shape(path, stored, shape, orientation, own=own)
+    # A copy in any case; what float64 cannot hold is refused as infinite.
+    depth = to_float64(stored).copy()
+    if stored.dtype.kind != "f":
+        depth[stored == 0] = np.nan
+    bad = np.isinf(depth) | (depth <= 0)
+    if bad.any():
+        raise InputError(
+            f"In {path}, {np.count_nonzero(bad)} of {bad.size} values are infinite or not above 0, such as "
+            f"{depth[bad][0]:g}: they are no depth. Mark unknown pixels with NaN."
+        )
+    return depth
+
+
+def _require_shape(
+    path: Path, array: NDArray[Any], shape: tuple[int, int], orientation: int = 1, *, own: int = 1
+) -> None:
+    """Refuse another shape than the photo's, and warn of one that fits the photo as it was before EXIF turned it.
+
+    `own` is the orientation that the file itself had.
+    """
+    turned = orientation in TURNED and own != orientation
+    how = f"EXIF orientation {orientation}: {TURNED.get(orientation)}"
+    if array.shape != tuple(shape):
+        if turned and orientation in _ON_A_SIDE and array.shape == tuple(shape)[::-1]:
+            raise InputError(
+                f"{path} has shape {array.shape}, and fits the photo as it lies in its file; the photo is read upright "
+                f"({how}), with {tuple(shape)} (height, width). Turn {path} in the same way."
+            )
+        raise InputError(
+            f"{path} has shape {array.shape}, but the image has {tuple(shape)} (height, width): "
+            "make them the same size."
+        )
+    if turned and (orientation not in _ON_A_SIDE or shape[0] == shape[1]):
+        warn(
+            f"The photo is read upright ({how}), and by its shape nobody can tell whether {path} was made for it so: "
+            "make sure that it was, and not without turning the photo.",
+        )

@@ -1,0 +1,126 @@
+"""What is not of the lamp, or not let through by the lens, taken out of a photograph's linear light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.camera import Camera
+from persfs_cl.checks import as_array
+from persfs_cl.errors import InputError
+from persfs_cl.preparation.normalise import checked
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def subtract_ambient(image: ArrayLike, ambient: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
+    """Take away the light that would be there without the lamp.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Linear light.
+    ambient : float or array_like, shape (H, W)
+        Ambient light or black level, not negative, on the scale of `image`: one number, or a second photograph
+        without the lamp, which may hold anything outside the mask.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to use. Those outside are returned as they came.
+
+    Returns
+    -------
+    light : ndarray of float64, shape (H, W)
+        The difference; 0 where it is negative.
+    below : ndarray of bool, shape (H, W)
+        True where it is negative by more than rounding errors.
+
+    Raises
+    ------
+    InputError
+        When `ambient` has another shape, or is negative or not finite inside the mask; when `image` or `mask` cannot
+        be used.
+    """
+    values, inside = checked(image, mask)
+    offset = _map("ambient light", ambient, values.shape)
+    bad = inside & ~(np.isfinite(offset) & (offset >= 0))
+    if bad.any():
+        raise InputError(
+            f"The ambient light is {offset[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers, "
+            "0 or more."
+        )
+    light = np.subtract(values, offset, out=values.copy(), where=inside)
+    negative = inside & (light < 0)
+    # A photo's grey level and the same level as ambient light may be decoded with different rounding errors.
+    below = negative & (light < -1e-12 * offset)
+    light[negative] = 0.0
+    return light, below
+
+
+def divide_vignetting(image: ArrayLike, vignetting: ArrayLike, *, mask: ArrayLike | None = None) -> Array:
+    """Undo the darkening of a lens away from the middle of the image.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W)
+        Linear light, less any ambient light.
+    vignetting : array_like, shape (H, W)
+        Share of the light that the lens lets through at each pixel, above 0. It may hold anything outside the mask.
+    mask : array_like of bool, shape (H, W), optional
+        Pixels to use. Those outside are returned as they came.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+
+    Raises
+    ------
+    InputError
+        When `vignetting` has another shape, or is not finite and above 0 inside the mask; when `image` or `mask`
+        cannot be used.
+    """
+    values, inside = checked(image, mask)
+    share = _map("vignetting", vignetting, values.shape)
+    bad = inside & ~(np.isfinite(share) & (share > 0))
+    if bad.any():
+        raise InputError(
+            f"The vignetting is {share[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers above "
+            "0, or mask these pixels out."
+        )
+    return np.divide(values, share, out=values.copy(), where=inside)
+
+
+def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
+    """Share of the light that a simple lens lets through, cos⁴ of the angle between viewing ray and optical axis.
+
+    It is (1 + x² + y²)^-2 in normalised coordinates. Lenses of many elements often darken less, and stops and narrow
+    tubes add to it.
+
+    Parameters
+    ----------
+    camera : Camera
+    shape : (int, int)
+        (height, width) of the image.
+
+    Returns
+    -------
+    ndarray of float64, shape `shape`
+        In (0, 1]; 1 on the optical axis.
+
+    Raises
+    ------
+    CameraError, InputError
+        As :meth:`Camera.grid <persfs_cl.Camera.grid>`.
+    """
+    grid = camera.grid(shape)
+    return np.asarray((1.0 + grid.x**2 + grid.y**2) ** -2)
+
+
+def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """One number a pixel, from one an image or one a pixel."""
+    values = as_array(name, given)
+    if values.dtype.kind not in "iuf" or values.shape not in ((), shape):
+        raise InputError(
+            f"The {name} is {values.dtype} of shape {values.shape}: give an array of numbers of the image's shape, "
+            f"{shape}."
+        )
+    return np.asarray(np.broadcast_to(values, shape), dtype=np.float64)

@@ -1,0 +1,132 @@
+"""How a scene is lit and taken: from a surface to its image, and to the scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from numbers import Integral
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.checks import brief, check_finite
+from persfs_cl.choices import Surface
+from persfs_cl.errors import InputError
+from persfs_cl.scenes.scene import Scene
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.light import require_light
+from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+_FRONTAL = ParallelLight()
+_MATT = Lambertian()
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How a scene is lit and taken."""
+
+    light: Light
+    reflectance: Reflectance
+    bits: int | None
+    noise: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        require_light(self.light)
+        require_reflectance(self.reflectance)
+        if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
+            raise InputError(f"bits={brief(self.bits)} is no quantisation: give 1 to 32, or None for unquantised.")
+        check_finite("noise", self.noise)
+        if self.noise < 0:
+            raise InputError(f"noise={brief(self.noise)} is below 0: give a share of the brightest value, 0 for none.")
+        if not (_is_whole(self.seed) and self.seed >= 0):
+            raise InputError(f"seed={brief(self.seed)} starts no random numbers: give a whole number of at least 0.")
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Slopes of the plane that faces the light; the camera's own light faces what the camera faces."""
+        return self.light.tilt
+
+    @property
+    def brightest_on_top(self) -> bool:
+        """Whether a peak or pit has E = 1, wherever in the image it is."""
+        return self.light == _FRONTAL and self.reflectance == _MATT
+
+    def of(self, depth: Array, log_depth_gradient: tuple[Array, Array], grid: PixelGrid) -> Array:
+        """The image of a surface."""
+        exact = self.light.brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.reflectance)
+        image = self._in_range(exact)
+        if not image.any():
+            raise InputError(f"light={brief(self.light)} lights nothing that the camera sees: move it to the camera.")
+        if self.noise:
+            spread = self.noise * self._white(image)
+            image = self._in_range(image + np.random.default_rng(self.seed).normal(scale=spread, size=image.shape))
+        if self.bits is None:
+            return image
+        white, levels = self._white(image), 2 ** int(self.bits) - 1
+        return np.asarray(np.round(image * (levels / white)) / levels * white)
+
+    def _in_range(self, image: Array) -> Array:
+        return np.clip(image, 0.0, 1.0 if self.light.normalised else None)
+
+    def _white(self, image: Array) -> float:
+        return 1.0 if self.light.normalised else float(image.max())
+
+
+def put_together(
+    name: str,
+    camera: Camera,
+    exposure: Exposure,
+    surface: Surface,
+    depth: Array,
+    log_depth_gradient: tuple[Array, Array],
+    *,
+    mask: Mask | None = None,
+    known: Mask | None = None,
+) -> Scene:
+    """Photograph the surface and put the scene together: by default all is to be solved and the frame is known."""
+    shape = (depth.shape[0], depth.shape[1])
+    image = exposure.of(depth, log_depth_gradient, camera.grid(shape))
+    if mask is None:
+        mask = np.ones(shape, dtype=bool)
+    known_depth = np.where(frame(shape) if known is None else known, depth, np.nan)
+    light, reflectance = exposure.light, exposure.reflectance
+    return Scene(depth, image, camera, mask, known_depth, log_depth_gradient, light, reflectance, surface, name)
+
+
+def square_camera(shape: tuple[int, int], focal_length: float | tuple[float, float] | None) -> Camera:
+    """A camera with its focal length; that of an image one focal length wide when none is given."""
+    _, width = checked_shape(shape)
+    return Camera(focal_length=float(width) if focal_length is None else focal_length)
+
+
+def frame(shape: tuple[int, int]) -> Mask:
+    """The outermost pixels of an image of shape (height, width)."""
+    edge = np.ones(shape, dtype=bool)
+    edge[1:-1, 1:-1] = False
+    return edge
+
+
+def turn(orientation: float) -> tuple[float, float]:
+    """Cosine and sine of an angle in degrees."""
+    check_finite("orientation", orientation)
+    return math.cos(math.radians(orientation)), math.sin(math.radians(orientation))
+
+
+def checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Height and width; InputError when they are none, or below 3."""
+    sides = tuple(shape) if isinstance(shape, Sequence) else ()
+    if len(sides) != 2 or not all(isinstance(side, Integral) and side >= 3 for side in sides):
+        raise InputError(f"shape={brief(shape)} is no image size: give (height, width), both whole and at least 3.")
+    return sides[0], sides[1]
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)

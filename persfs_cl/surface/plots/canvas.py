@@ -1,0 +1,153 @@
+"""What every picture is drawn on: a figure of its own, and images on it in pixels.
+
+Figures have the Agg canvas and Matplotlib's own defaults: no display, no pyplot, no setting of the user's.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import FilePath, atomic_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+Array = NDArray[np.float64]
+UNIT = "units of the known values"
+_DOTS_PER_INCH = 140
+_NO_SURFACE = "0.88"
+_SLENDEREST = 8.0
+MAP_SAMPLES = 1000
+# Matplotlib is not thread-safe, even when every thread has a figure of its own.
+_drawing = threading.Lock()
+
+
+@contextmanager
+def matplotlib_defaults() -> Iterator[None]:
+    """Matplotlib as it comes: whatever MPLBACKEND and the user's matplotlibrc say plays no part in the block.
+
+    Examples
+    --------
+    >>> import matplotlib
+    >>> from persfs_cl.surface.plots import matplotlib_defaults
+    >>> with matplotlib.rc_context({"lines.linewidth": 9.0}), matplotlib_defaults():
+    ...     matplotlib.rcParams["lines.linewidth"]
+    1.5
+    """
+    matplotlib = load_matplotlib()
+    # The backend, which no figure here asks for, would stay.
+    defaults = {name: value for name, value in matplotlib.rcParamsDefault.items() if name != "backend"}
+    with matplotlib.rc_context(defaults):
+        yield
+
+
+def load_matplotlib() -> ModuleType:
+    """Matplotlib, which cannot be imported where MPLBACKEND is wrong, and complains of lines of a matplotlibrc."""
+    if "matplotlib" in sys.modules:
+        return sys.modules["matplotlib"]
+    backend = os.environ.pop("MPLBACKEND", None)
+    logger = logging.getLogger("matplotlib")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        import matplotlib as mpl
+    finally:
+        logger.setLevel(level)
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
+    if backend:
+        # For others in this process who draw, as the import would have done.
+        with suppress(ValueError):
+            mpl.rcParams["backend"] = backend
+    return mpl
+
+
+@contextmanager
+def new_figure(path: FilePath, width: float, height: float, *, arrange: bool = True) -> Iterator[Figure]:
+    """An empty figure of a size in inches; it becomes the PNG file when the block has drawn on it."""
+    with _drawing, matplotlib_defaults():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="compressed" if arrange else None)
+        canvas = FigureCanvasAgg(figure)
+        yield figure
+        with atomic_path(path) as temporary:
+            # Without the metadata the same input gives the same bytes under every version number.
+            # Not by savefig(), which would go through everything twice.
+            canvas.print_png(temporary, metadata={"Software": None})  # type: ignore[no-untyped-call]
+
+
+def size_of(image: Array, panels: int = 1) -> tuple[float, float]:
+    """Width and height in inches of a figure with some copies of the image side by side and a colour bar."""
+    aspect = np.clip(image.shape[1] / image.shape[0], 1 / 3, 3)
+    side = 4.6 if panels == 1 else 3.6
+    return panels * (side * np.sqrt(aspect) + 0.5) + 1.0, side / np.sqrt(aspect) + 0.9
+
+
+def show(
+    axes: Axes,
+    image: Array,
+    title: str,
+    cmap: str | Colormap,
+    limits: tuple[float, float] | None = None,
+    thin: Callable[[Array, int, int], Array] | None = None,
+) -> AxesImage:
+    """Image on axes in pixels, light grey where it is NaN; of a large one, means of blocks or what `thin` makes of it.
+
+    Pixels are square, unless the image is so slender that nothing could be seen of it, nor of a colour bar beside it.
+    Unless there are limits, colours are for the range of all pixels.
+    """
+    height, width = image.shape
+    slenderness = width / height
+    stretch = slenderness / np.clip(slenderness, 1 / _SLENDEREST, _SLENDEREST)
+    low, high = limits or (np.nanmin(image), np.nanmax(image))
+    down, right = (max(1, size // MAP_SAMPLES) for size in image.shape)
+    shown = image if down == right == 1 else (thin or _means)(image, down, right)
+    extent = (-0.5, shown.shape[1] * right - 0.5, shown.shape[0] * down - 0.5, -0.5)
+    picture = axes.imshow(shown, cmap=cmap, vmin=low, vmax=high, aspect=float(stretch), extent=extent)
+    # Blocks may end behind the last pixel.
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    axes.set_facecolor(_NO_SURFACE)
+    axes.set_title(title, fontsize=11)
+    axes.set_xlabel("column (px)")
+    axes.set_ylabel("row (px)")
+    axes.label_outer()
+    axes.locator_params(integer=True, min_n_ticks=1)
+    return picture
+
+
+def of_blocks(combine: np.ufunc, values: Array, down: int, right: int) -> Array:
+    """One number for every block of so many pixels down and to the right; at the end there may be fewer."""
+    height, width = values.shape
+    # Along rows first: neighbours in memory.
+    along_rows = combine.reduceat(values, np.arange(0, width, right), axis=1)
+    return np.asarray(combine.reduceat(along_rows, np.arange(0, height, down)))
+
+
+def _means(values: Array, down: int, right: int) -> Array:
+    """Means of blocks, over what is not NaN."""
+    there = ~np.isnan(values)
+    total = of_blocks(np.add, np.where(there, values, 0.0), down, right)
+    count = of_blocks(np.add, there.astype(np.float64), down, right)
+    return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+
+
+def require_finite(name: str, values: Array) -> None:
+    """Refuse what holds nothing that could be drawn."""
+    if not np.isfinite(values).any():
+        raise InputError(f"{name} of shape {values.shape} holds no finite value: there is nothing to draw.")

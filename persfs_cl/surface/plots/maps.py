@@ -1,0 +1,292 @@
+"""Pictures with a place for each pixel: depth, normals, comparison and confidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.blocks import row_blocks
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import FilePath, atomic_path
+from persfs_cl.metrics import compare
+from persfs_cl.surface import geometry as surface
+from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of_blocks, require_finite, show, size_of
+
+Array = NDArray[np.float64]
+# Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
+_REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
+_NOTHING_DOUBTFUL = "0.65"
+_COMPRESSION = 4  # half the time of the usual 6, and no more bytes
+
+
+def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, unit: str = UNIT) -> None:
+    """Draw a depth map in colour: near is bright, far is dark, no surface is light grey.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    depth : array_like, shape (height, width)
+        Depth along the optical axis, > 0; NaN where there is no surface.
+    title : str
+    unit : str
+        Unit of the depth, for the label of the colour bar.
+
+    Raises
+    ------
+    InputError
+        When ``depth`` is not a depth map, or is NaN everywhere.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.surface.plots import depth_picture
+    >>> scene = ps.bump((20, 20))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     depth_picture(path, scene.depth)
+    ...     path.read_bytes()[1:4]
+    b'PNG'
+    """
+    z = surface.depth_array(depth)
+    require_finite("depth", z)
+    with new_figure(path, *size_of(z)) as figure:
+        picture = show(figure.add_subplot(), z, title, "viridis_r")
+        place = "bottom" if z.shape[1] > 3 * z.shape[0] else "right"
+        figure.colorbar(picture, location=place, label=f"depth ({unit})").long_axis.set_inverted(True)
+
+
+def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
+    """Colours of unit normals, in the usual coding of normal maps.
+
+    Red is right, green is up and blue is towards the camera, each coded (component + 1) / 2: a surface
+    that faces the camera squarely is (128, 128, 255). Normals in camera axes point y down and z
+    forward, so their second and third component change sign here.
+
+    Parameters
+    ----------
+    normals : array_like, shape (height, width, 3)
+        Unit normals in camera axes; NaN where there is no surface.
+
+    Returns
+    -------
+    ndarray of uint8, shape (height, width, 3)
+        Middle grey (128, 128, 128), the code of no direction at all, where ``normals`` is NaN.
+
+    Raises
+    ------
+    InputError
+        When the shape is not (height, width, 3), or no pixel holds a normal.
+
+    Examples
+    --------
+    >>> from persfs_cl.surface.plots import normals_rgb
+    >>> normals_rgb([[[0.0, 0.0, -1.0]]])
+    array([[[128, 128, 255]]], dtype=uint8)
+    """
+    vectors = np.asarray(normals, dtype=np.float64)
+    if vectors.ndim != 3 or vectors.shape[2] != 3:
+        raise InputError(f"normals has shape {vectors.shape}: give unit vectors, (height, width, 3).")
+    require_finite("normals", vectors)
+    colours = np.empty(vectors.shape, np.uint8)
+    for rows in row_blocks(vectors.shape[:2]):
+        upright = np.nan_to_num(vectors[rows] * (1.0, -1.0, -1.0), nan=0.0)
+        np.floor((upright.clip(-1.0, 1.0) + 1.0) * 127.5 + 0.5, out=colours[rows], casting="unsafe")
+    return colours
+
+
+def normals_picture(path: FilePath, normals: ArrayLike) -> None:
+    """Write a normal map, one pixel for one pixel, in the colours of `normals_rgb`.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    normals : array_like, shape (height, width, 3)
+        Unit normals in camera axes; NaN where there is no surface.
+
+    Raises
+    ------
+    InputError
+        When the shape is not (height, width, 3), or no pixel holds a normal.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.surface.plots import normals_picture
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     normals_picture(path, np.full((20, 20, 3), (0.0, 0.0, -1.0)))
+    ...     path.read_bytes()[1:4]
+    b'PNG'
+    """
+    import imageio.v3
+
+    pixels = normals_rgb(normals)
+    # In memory first: imageio's writers print a traceback of their own when the disk is full.
+    data = imageio.v3.imwrite("<bytes>", pixels, extension=".png", compress_level=_COMPRESSION)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def comparison_picture(
+    path: FilePath,
+    photo: ArrayLike,
+    rendered: ArrayLike,
+    title: str = "",
+    *,
+    white: float = 1.0,
+    photo_title: str = "Photograph",
+) -> None:
+    """Draw photograph, re-rendered photograph and their difference, with its mean and root mean square.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    photo, rendered : array_like, shape (height, width)
+        Linear light; NaN where there is none. Only pixels that are finite in both are compared;
+        ``rendered`` is first cut to [0, white], since a photograph holds nothing else.
+    title : str
+    white : float
+        The brightness that is shown as white and counts as 255 grey levels.
+    photo_title : str
+        What ``photo`` is called, where it has been prepared.
+
+    Raises
+    ------
+    InputError
+        When the shapes differ or are not (height, width), when no pixel is finite in both, or when
+        ``white`` is not above 0.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import persfs_cl as ps
+    >>> from persfs_cl.surface.plots import comparison_picture
+    >>> scene = ps.bump((20, 20))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     comparison_picture(path, scene.image, 0.9 * scene.image)
+    ...     path.read_bytes()[1:4]
+    b'PNG'
+    """
+    if not 0 < white < np.inf:
+        raise InputError(f"white={white!r} is not a brightness: give a finite number above 0.")
+    scale = 255.0 / white
+    given = np.asarray(photo, dtype=np.float64) * scale
+    again = np.asarray(rendered, dtype=np.float64) * scale
+    np.clip(again, 0.0, 255.0, out=again)
+    if given.ndim != 2:
+        raise InputError(f"photo has shape {given.shape}: give a grey image, (height, width).")
+    errors = compare(again, given)
+    difference = again - given
+    sizes = np.abs(difference[~np.isnan(difference)])
+    # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
+    limit = max(float(np.percentile(sizes, 99, overwrite_input=True)), 1.0)
+
+    with new_figure(path, *size_of(difference, panels=3)) as figure:
+        left, middle, right = figure.subplots(1, 3, sharey=True)
+        show(left, given, photo_title, "gray", (0.0, 255.0))
+        show(middle, again, "Re-rendered", "gray", (0.0, 255.0))
+        picture = show(
+            right,
+            difference,
+            f"Difference in grey levels\nME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}",
+            "RdBu_r",
+            (-limit, limit),
+        )
+        figure.colorbar(
+            picture,
+            label=f"re-rendered − {photo_title.lower()} (grey levels)",
+            extend="both" if errors.maximum > limit else "neither",
+        )
+        if title:
+            figure.suptitle(title)
+
+
+def confidence_picture(
+    path: FilePath, slope_error: ArrayLike, doubts: Mapping[str, NDArray[np.bool_]], title: str = "Confidence"
+) -> None:
+    """Draw how much the slope suffers from errors of the brightness, and beside it which pixels are in doubt and why.
+
+    Parameters
+    ----------
+    path : path
+        The PNG file to write.
+    slope_error : array_like, shape (height, width)
+        Change of the slope for a change of the brightness by 1 %, above 0; NaN where there is no surface.
+    doubts : mapping of str to ndarray of bool, shape (height, width)
+        Pixels by reason, at most 8; of several reasons the first is drawn, and counted.
+    title : str
+
+    Raises
+    ------
+    InputError
+        When ``slope_error`` is NaN everywhere or no image, or a map of ``doubts`` has another shape.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> from persfs_cl.surface.plots import confidence_picture
+    >>> slope_error = np.linspace(0.02, 0.2, 400).reshape(20, 20)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "picture.png"
+    ...     confidence_picture(path, slope_error, {"steep": slope_error > 0.1})
+    ...     path.read_bytes()[1:4]
+    b'PNG'
+    """
+    load_matplotlib()
+    from matplotlib.colors import ListedColormap, LogNorm
+    from matplotlib.patches import Patch
+    from matplotlib.ticker import LogFormatter
+
+    errors = np.asarray(slope_error, dtype=np.float64)
+    if errors.ndim != 2:
+        raise InputError(f"slope_error has shape {errors.shape}: give one number a pixel, (height, width).")
+    require_finite("slope_error", errors)
+    classes = np.where(np.isfinite(errors), 0.0, np.nan)
+    labels = ["none", *doubts]
+    # Backwards, so that the first of several reasons is on top.
+    for number, reason in reversed(list(enumerate(labels))[1:]):
+        pixels = doubts[reason]
+        if pixels.shape != errors.shape:
+            raise InputError(f"doubts[{reason!r}] has shape {pixels.shape}: give that of slope_error, {errors.shape}.")
+        classes[pixels] = number
+    colours = (_NOTHING_DOUBTFUL, *_REASONS)
+    patches = [
+        Patch(color=colours[number], label=f"{labels[number]}: {count:,} px")
+        for number, count in zip(*np.unique(classes[~np.isnan(classes)].astype(int), return_counts=True), strict=True)
+    ]
+    hundredths = 100.0 * errors
+    low, high = np.nanpercentile(hundredths, (1, 99))
+    with new_figure(path, *size_of(errors, panels=2)) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
+        picture = show(left, hundredths, "Slope error for a brightness\n1 % wrong (bright: worse)", "cividis")
+        # Wider than a flat surface needs, for a scale of one value has no colours.
+        picture.set_norm(LogNorm(low / 1.01, high * 1.01))
+        place = "bottom" if errors.shape[1] > 3 * errors.shape[0] else "right"
+        label = "change of tan θ, in hundredths;\nθ: angle between normal and light"
+        bar = figure.colorbar(picture, location=place, label=label, extend="both")
+        bar.long_axis.set_major_formatter("{x:g}")
+        bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
+        limits = (-0.5, len(colours) - 0.5)
+        show(right, classes, "In doubt, and why", ListedColormap(colours), limits, thin=_first_reasons)
+        figure.legend(handles=patches, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+        figure.suptitle(title)
+
+
+def _first_reasons(classes: Array, down: int, right: int) -> Array:
+    """The first reason for doubt in each block, so that the smallest spot can be seen; 0 where there is none."""
+    first = of_blocks(np.fmin, np.where(classes == 0, np.inf, classes), down, right)
+    first[np.isinf(first)] = 0.0
+    return first
