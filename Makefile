@@ -20,7 +20,7 @@ help:
 	@echo "make test     run the tests"
 	@echo "make test-drivers  run the tests of the kernels on other drivers and emulated processors (Debian, Ubuntu)"
 	@echo "make fuzz     random files and calls; SECONDS=600 SEED=0 tell how long and which, CASE=image:7 runs one again"
-	@echo "make lint     check style and types"
+	@echo "make lint     check style, types and which module imports which"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
 	@echo "make install  only prepare $(VENV), which every command above does by itself"
@@ -52,6 +52,7 @@ lint: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/lint-imports --cache-dir .cache/import-linter
 
 bench: $(YARDSTICKS)
 	$(BIN)/persfs-cl bench

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +18,10 @@ from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.equations import Equation, Slopes
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Boundary
-from persfs_cl.solver.schemes.scheme import Scheme
-
-if TYPE_CHECKING:
-    from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.schemes.scheme import Indices, Scheme
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _QUADRANTS = ((0, 0), (1, 0), (0, 1), (1, 1))
 _HALVINGS = 56

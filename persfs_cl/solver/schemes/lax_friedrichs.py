@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Array, Reflectance
-from persfs_cl.solver.schemes.scheme import Scheme
-
-if TYPE_CHECKING:
-    from persfs_cl.solver.reference import Indices, Reference
+from persfs_cl.solver.schemes.scheme import Indices, Scheme, Updates
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,7 @@ class LaxFriedrichs(Scheme):
 
     def plain_values(
         self,
-        reference: Reference,
+        reference: Updates,
         rows: Indices,
         columns: Indices,
         quadrants: Sequence[tuple[int, int]],

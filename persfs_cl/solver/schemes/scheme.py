@@ -5,16 +5,28 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Array, Reflectance
 
-if TYPE_CHECKING:
-    from persfs_cl.solver.reference import Indices, Reference
+Indices = NDArray[np.intp]
 
 MAX_SLOPE = 30.0
+
+
+class Updates(Protocol):
+    """New values of cells in plain NumPy, see :class:`persfs_cl.solver.reference.Reference`."""
+
+    def lax_friedrichs(self, rows: Indices, columns: Indices) -> Array:
+        """By the paper's scheme."""
+
+    def upwind(self, rows: Indices, columns: Indices, leftwards: int, upwards: int) -> Array:
+        """From the two neighbours that a sweep visits before."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +69,6 @@ class Scheme(ABC):
 
     @abstractmethod
     def plain_values(
-        self, reference: Reference, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]
+        self, reference: Updates, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]
     ) -> list[Array]:
         """Candidates for new values of some cells by the reference, which lets each value only fall."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from persfs_cl.choices import Boundary
 from persfs_cl.masks import NOWHERE
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Array, Reflectance
-from persfs_cl.solver.schemes.scheme import Scheme
-
-if TYPE_CHECKING:
-    from persfs_cl.solver.reference import Indices, Reference
+from persfs_cl.solver.schemes.scheme import Indices, Scheme, Updates
 
 MAX_SLOPE_UPWIND = 5.0
 """Where the equation sets no bound, which this scheme takes at its word: a surface seen at 11 degrees from grazing."""
@@ -45,7 +42,7 @@ class Upwind(Scheme):
         return super().max_slope(light) if light.bounds_slope else MAX_SLOPE_UPWIND
 
     def plain_values(
-        self, reference: Reference, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]
+        self, reference: Updates, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]
     ) -> list[Array]:
         """See :meth:`Scheme.plain_values`."""
         return [reference.upwind(rows, columns, *quadrant) for quadrant in quadrants]
