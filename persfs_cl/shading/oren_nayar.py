@@ -32,6 +32,15 @@ class OrenNayar(Reflectance):
     ------
     InputError
         When the roughness is out of its range.
+
+    Examples
+    --------
+    Seen at 60 degrees it is brighter than a perfectly matt surface:
+
+    >>> import persfs_cl as ps
+    >>> rough = ps.OrenNayar(roughness=0.3)
+    >>> bool(rough.coaxial(0.5) / rough.coaxial(1.0) > 0.5)
+    True
     """
 
     kernel: ClassVar[str] = "oren_nayar"
@@ -69,12 +78,27 @@ class OrenNayar(Reflectance):
         return 0.45 * self.roughness**2 / (self.roughness**2 + 0.09)
 
     def coaxial(self, cosine: ArrayLike) -> Array:
-        """c(θ) = A cos θ + B sin² θ, B at grazing; see :meth:`Reflectance.coaxial`."""
+        """c(θ) = A cos θ + B sin² θ, B at grazing; see :meth:`Reflectance.coaxial`.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> bool(ps.OrenNayar(roughness=0.3).coaxial(0.0) > 0.0)
+        True
+        """
         seen = visible(cosine)
         return self.direct * seen + self.rim * (1.0 - seen**2)
 
     def shade(self, cosine_light: ArrayLike, cosine_view: ArrayLike, cosine_between: ArrayLike) -> Array:
-        """Brightness for any directions; see :meth:`Reflectance.shade`."""
+        """Brightness for any directions; see :meth:`Reflectance.shade`.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> rough = ps.OrenNayar(roughness=0.3)
+        >>> bool(abs(rough.shade(0.5, 0.5, 1.0) - rough.coaxial(0.5)) < 1e-9)  # seen from the light
+        True
+        """
         lit, seen, between = floats(cosine_light, cosine_view, cosine_between)
         # cos(φi - φr) sin θi sin θr, so that neither azimuths nor sines are needed.
         azimuthal = np.maximum(between - lit * seen, 0.0)

@@ -89,10 +89,6 @@ class ParallelLight(Light):
         """1 / k, see :attr:`Light.cosine_of_ground`."""
         return 1.0 / self.norm
 
-    def facing(self, grid: PixelGrid) -> Array:
-        """f = 1 + p0 x + q0 y of every ray, shape (height, width): above 0 where what faces the light is seen."""
-        return np.asarray(1.0 + self.p0 * grid.x + self.q0 * grid.y)
-
     def model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.model`: eq. (7) for a perfectly matt material."""
         if reflectance.perfectly_matt:
@@ -198,7 +194,7 @@ class LevelCosineModel(CosineModel):
         """
         if self.light.p0 == self.light.q0 == 0.0:
             return super().offset(grid)
-        facing = self.light.facing(grid)
+        facing = 1.0 + self.light.p0 * grid.x + self.light.q0 * grid.y
         if facing.min() <= 0.0:
             raise InputError(
                 f"light={self.light!r} with scheme='upwind': some pixels look into the light, where no surface faces "

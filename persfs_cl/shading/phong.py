@@ -39,6 +39,13 @@ class Phong(Reflectance):
     ------
     InputError
         When a parameter is out of its range, or not finite.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> shiny = ps.Phong(diffuse=0.6, specular=0.4, shininess=10.0)
+    >>> shiny.coaxial([1.0, 0.0])
+    array([1., 0.])
     """
 
     kernel: ClassVar[str] = "phong"
@@ -68,12 +75,27 @@ class Phong(Reflectance):
         object.__setattr__(self, "shininess", shininess)
 
     def coaxial(self, cosine: ArrayLike) -> Array:
-        """c(θ) = diffuse cos θ + specular max(cos 2θ, 0)^shininess; see :meth:`Reflectance.coaxial`."""
+        """c(θ) = diffuse cos θ + specular max(cos 2θ, 0)^shininess; see :meth:`Reflectance.coaxial`.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> ps.Phong(diffuse=0.5, specular=0.5).coaxial([1.0, 0.0])
+        array([1., 0.])
+        """
         seen = visible(cosine)
         return self.diffuse * seen + self._highlight(2.0 * seen**2 - 1.0)
 
     def shade(self, cosine_light: ArrayLike, cosine_view: ArrayLike, cosine_between: ArrayLike) -> Array:
-        """Brightness for any directions, without a highlight in shadow; see :meth:`Reflectance.shade`."""
+        """Brightness for any directions, without a highlight in shadow; see :meth:`Reflectance.shade`.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> shiny = ps.Phong(diffuse=0.6, specular=0.4)
+        >>> bool(shiny.shade(1.0, 1.0, 1.0) == shiny.coaxial(1.0))  # seen from the light
+        True
+        """
         lit, seen, between = floats(cosine_light, cosine_view, cosine_between)
         mirrored = np.where(lit > 0.0, 2.0 * lit * seen - between, 0.0)
         return np.asarray(self.diffuse * lit + self._highlight(mirrored))

@@ -92,7 +92,15 @@ class Reflectance(ABC):
         """An upper bound of abs(d ln c / dt) over all t = tan θ >= 0, less than 1 % above the least."""
 
     def facing(self, returned: Array) -> Array:
-        """Cos θ from c(θ), of a monotone material; 0 where it is darker than at grazing, 1 where brighter than c(0)."""
+        """Cos θ from c(θ), of a monotone material; 0 where it is darker than at grazing, 1 where brighter than c(0).
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> rough = ps.OrenNayar(roughness=0.3)
+        >>> bool(abs(rough.facing(rough.coaxial(0.7)) - 0.7) < 1e-6)
+        True
+        """
         cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
         return np.interp(returned, self.coaxial(cosines), cosines)
 

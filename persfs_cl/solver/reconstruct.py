@@ -119,6 +119,18 @@ def reconstruct(
         When no device fits, or it lacks the precision or the memory.
     ConvergenceError
         With ``throw=True``.
+
+    Examples
+    --------
+    A bump, photographed with a flash at the camera:
+
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    >>> solution.status.name, solution.depth.shape
+    ('CONVERGED', (20, 20))
+    >>> ps.compare(solution.depth, scene.depth).mean < 0.01
+    True
     """
     return reconstruct_batch(
         [image], [camera], mask=[mask], walls=[walls], known_depth=[known_depth], albedo=[albedo], **options
@@ -166,6 +178,14 @@ def reconstruct_batch(
     ------
     InputError
         When a list does not have one entry an image; otherwise as :func:`reconstruct`, naming the image.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> scenes = [ps.bump((20, 20), light=ps.FlashLight(), relief=relief) for relief in (0.1, 0.2)]
+    >>> solutions = ps.reconstruct_batch([scene.image for scene in scenes], scenes[0].camera, light=ps.FlashLight())
+    >>> [solution.status.name for solution in solutions]
+    ['CONVERGED', 'CONVERGED']
     """
     began = time.perf_counter()
     settings = complete(options)
