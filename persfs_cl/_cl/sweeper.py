@@ -94,7 +94,7 @@ class Sweeper:
             self._tolerance = np.nextafter(self._tolerance, np.float32(0.0))
         self._rested = np.zeros(self.count, bool)
         self._begun = False
-        self._changes = np.zeros((0, self.count), np.float32)
+        self._changes = np.zeros((1, self.count), np.float32)
         self.kernel_seconds = 0.0
         with in_words(device):
             values = self._uploaded(images)
@@ -126,6 +126,7 @@ class Sweeper:
             "parameters": upload(device, records([image.parameters for image in images], real)),
             "column_table": upload(device, columns.astype(real)),
             "row_table": upload(device, rows.astype(real)),
+            "changes": allocate(device, self._changes.nbytes),
             "iteration": 0,
             "images": self.count,
             "size": layout.size,
