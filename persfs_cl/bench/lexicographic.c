@@ -10,7 +10,7 @@ void sweep(REAL *restrict log_depth,        /* Z or W = -Z, shape (height, width
            const REAL *restrict brightness, /* E, same shape                                                   */
            const REAL *restrict x_table,    /* coordinate, root and offset of each column, shape (3, width)    */
            const REAL *restrict y_table,    /* the same of each row, shape (3, height)                         */
-           const REAL *restrict parameters, /* in the order of kernels/shared/prelude.cl and parallel_light.cl        */
+           const REAL *restrict parameters, /* COMMON of persfs_cl/_cl/parameters.py, then p0, q0 and inverse_norm      */
            const int height, const int width,
            const int leftwards,             /* 1: columns from the right                                       */
            const int upwards)               /* 1: rows from the bottom                                         */

@@ -29,7 +29,7 @@ def sweep(
         Z or W = -Z, and E, NaN where a pixel keeps its value; the frame is not visited.
     x_table, y_table : ndarray, shapes (3, width) and (3, height)
     parameters : ndarray, shape (9,)
-        In the order of kernels/shared/prelude.cl and kernels/models/parallel_light.cl.
+        Those of :data:`persfs_cl._cl.parameters.COMMON`, then p0, q0 and inverse_norm.
     leftwards, upwards : int
         1: columns from the right, rows from the bottom.
     one, half : floating
