@@ -8,11 +8,14 @@ from typing import Annotated
 
 import typer
 
-from persfs_cl.cli.options import CameraOptions, DeviceOption
+from persfs_cl.cli.options import DeviceOption
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.progress import writing
 from persfs_cl.metrics import compare
-from persfs_cl.pipeline.job import Brightness, solve_photo
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.job import Job, solve_photo
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.results import write
 from persfs_cl.scenes.analytic import vase
 from persfs_cl.solver.reconstruct import reconstruct
 
@@ -59,16 +62,16 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
 
     folder = output / "coin"
     photo, mask = _DATA / "coin.png", _DATA / "coin_mask.png"
-    result = solve_photo(
+    job = Job(
         photo,
-        CameraOptions(_COIN_FOCAL_LENGTH, None, None),
+        CameraChoice(_COIN_FOCAL_LENGTH),
         _COIN_BRIGHTNESS,
         mask=mask,
-        surface="toward",
-        device=device,
+        keywords={"surface": "toward", "device": device},
     )
+    result = solve_photo(job)
     with writing():
-        result.save(folder)
+        write(result, folder)
     prepared, original = result.prepared_errors, result.photo_errors
     typer.echo(f"""\
 A Greek coin from Pompeii, a real photograph of 72 x 72 pixels: {result.solution.iterations} iterations.

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from persfs_cl.camera import Camera, exif_focal_length
 from persfs_cl.choices import Precision
+from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.light import FlashLight, Light, ParallelLight
 from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
 
@@ -22,8 +21,6 @@ ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]
 
 _CAMERA, _LIGHT, _MATERIAL, _DEVICE = "Camera", "Light", "Material", "Device"
 _EITHER = "'--focal-length' / '--fov'"
-_WIDE = 120.0
-"""Degrees that hardly any lens sees which draws straight lines straight."""
 _LARGEST_ANGLE = 80.0
 
 
@@ -177,109 +174,43 @@ DeviceOption = Annotated[
 PrecisionOption = Annotated[Precision, typer.Option("--precision", rich_help_panel=_DEVICE)]
 
 
-@dataclass(frozen=True)
-class CameraOptions:
-    """What the command line says of the camera.
+def chosen_camera(focal_length: str | None, fov: float | None, principal_point: str | None) -> CameraChoice:
+    """The camera that the options tell of.
 
-    Attributes
-    ----------
-    focal_length : float, (float, float) or None
-        In pixels.
-    fov : float or None
-        Horizontal, in degrees.
-    principal_point : (float, float) or None
-        Column and row in pixels.
+    Raises
+    ------
+    typer.BadParameter
+        When a text is no list of numbers, a number is impossible, or both --focal-length and --fov are given.
     """
-
-    focal_length: float | tuple[float, float] | None
-    fov: float | None
-    principal_point: tuple[float, float] | None
-
-    @classmethod
-    def parse(cls, focal_length: str | None, fov: float | None, principal_point: str | None) -> CameraOptions:
-        """Read the texts of the options.
-
-        Raises
-        ------
-        typer.BadParameter
-            When a text is no list of numbers, a number is impossible, or both --focal-length and --fov are given.
-        """
-        if focal_length is not None and fov is not None:
-            raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
-        length: float | tuple[float, float] | None = None
-        if focal_length is not None:
-            fx, *fy = _numbers("--focal-length", focal_length, "one number, or two, fx,fy", (1, 2))
-            length = (fx, fy[0]) if fy else fx
-        point = None
-        if principal_point is not None:
-            column, row = _numbers("--principal-point", principal_point, "two numbers, column,row", (2,))
-            point = column, row
-        options = cls(length, fov, point)
-        if length is not None or fov is not None:
-            try:
-                options.camera_and_source(Path(), (1, 1))
-            except CameraError as error:
-                raise typer.BadParameter(str(error), param_hint=_EITHER) from error
-        return options
-
-    def require(self) -> None:
-        """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is no photo.
-
-        Raises
-        ------
-        typer.BadParameter
-            When neither --focal-length nor --fov is given.
-        """
-        if self.focal_length is None and self.fov is None:
-            raise typer.BadParameter("give one of the two.", param_hint=_EITHER)
-
-    def camera(self, path: Path, shape: tuple[int, int]) -> Camera:
-        """The camera of an image; see :meth:`camera_and_source`."""
-        return self.camera_and_source(path, shape)[0]
-
-    def camera_and_source(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
-        """The camera of an image, and what told its focal length.
-
-        Parameters
-        ----------
-        path : Path
-            The image's file; its EXIF data say the focal length where the options do not.
-        shape : (int, int)
-            (height, width) of the image.
-
-        Raises
-        ------
-        CameraError
-            When the EXIF data lack the focal length.
-
-        Warns
-        -----
-        UserWarning
-            When --focal-length makes so wide a view that it looks like millimetres.
-        """
-        if self.fov is not None:
-            return Camera.from_fov(self.fov, shape, self.principal_point), "--fov"
-        if self.focal_length is None:
-            try:
-                length, tags = exif_focal_length(path)
-            except CameraError as error:
-                raise CameraError(f"{error} Or give --fov, the horizontal field of view in degrees.") from error
-            return Camera(length, self.principal_point), f"EXIF {tags}"
-        camera = Camera(self.focal_length, self.principal_point)
-        view = horizontal_view(camera, shape)
-        if view > _WIDE:
-            warnings.warn(
-                f"--focal-length {camera.fx:g} means a view of {view:.0f} degrees from left to right of the {shape[1]} "
-                "pixels: it is in pixels, not millimetres.",
-                stacklevel=2,
-            )
-        return camera, "--focal-length"
+    if focal_length is not None and fov is not None:
+        raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
+    length: float | tuple[float, float] | None = None
+    if focal_length is not None:
+        fx, *fy = _numbers("--focal-length", focal_length, "one number, or two, fx,fy", (1, 2))
+        length = (fx, fy[0]) if fy else fx
+    point = None
+    if principal_point is not None:
+        column, row = _numbers("--principal-point", principal_point, "two numbers, column,row", (2,))
+        point = column, row
+    choice = CameraChoice(length, fov, point)
+    if length is not None or fov is not None:
+        try:
+            choice.of(Path(), (1, 1))
+        except CameraError as error:
+            raise WrongOption(error, _EITHER) from error
+    return choice
 
 
-def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:
-    """Angle in degrees between the left and the right edge of an image of shape (height, width)."""
-    left = camera.centre(shape)[0] + 0.5
-    return math.degrees(math.atan(left / camera.fx) + math.atan((shape[1] - left) / camera.fx))
+def require_focal_length(choice: CameraChoice) -> None:
+    """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is no photo.
+
+    Raises
+    ------
+    typer.BadParameter
+        When neither --focal-length nor --fov is given.
+    """
+    if choice.focal_length is None and choice.fov is None:
+        raise typer.BadParameter("give one of the two.", param_hint=_EITHER)
 
 
 def chosen_light(
@@ -304,7 +235,7 @@ def chosen_light(
     try:
         return ParallelLight(**keywords) if kind == "parallel" else FlashLight(**keywords)
     except InputError as error:
-        raise typer.BadParameter(str(error), param_hint="'--light'") from error
+        raise WrongOption(error, "'--light'") from error
 
 
 def chosen_reflectance(
@@ -344,7 +275,7 @@ def chosen_reflectance(
         }
         return materials[kind](**keywords)
     except InputError as error:
-        raise typer.BadParameter(str(error), param_hint="'--reflectance'") from error
+        raise WrongOption(error, "'--reflectance'") from error
 
 
 def _own(option: str, choice: str, given: Mapping[str, Mapping[str, tuple[str, Any]]]) -> dict[str, Any]:

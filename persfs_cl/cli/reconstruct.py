@@ -12,7 +12,6 @@ from persfs_cl.choices import Boundary, Ordering, Scheme, Surface
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
-    CameraOptions,
     DeviceOption,
     DiffuseOption,
     FalloffOption,
@@ -29,6 +28,7 @@ from persfs_cl.cli.options import (
     RoughnessOption,
     ShininessOption,
     SpecularOption,
+    chosen_camera,
     chosen_light,
     chosen_reflectance,
     finite,
@@ -37,9 +37,12 @@ from persfs_cl.cli.options import (
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Channel, Encoding
-from persfs_cl.pipeline.job import Brightness, PhotoSolution, solve_photo
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.job import Job, solve_photo
+from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.preparation.prepare import Highlights, Normalise
 from persfs_cl.shading.light import ParallelLight
 from persfs_cl.shading.model import Model
@@ -273,7 +276,7 @@ def reconstruct(
     mesh.ply, report.json and the pictures depth.png, normals.png, relief.png, rendered.png, comparison.png,
     confidence.png and convergence.png.
     """
-    camera = CameraOptions.parse(focal_length, fov, principal_point)
+    camera = chosen_camera(focal_length, fov, principal_point)
     brightness = Brightness(
         channel,
         encoding,
@@ -308,7 +311,30 @@ def reconstruct(
         )
         options.resolved(model, model.scheme(scheme))
     except InputError as error:
-        raise typer.BadParameter(str(error)) from error
+        raise WrongOption(error) from error
+    job = Job(
+        photo,
+        camera,
+        brightness,
+        mask=mask,
+        walls=walls,
+        known_depth=known_depth,
+        albedo=albedo,
+        light=lit_by,
+        reflectance=material,
+        keywords={
+            "surface": surface,
+            "boundary": boundary,
+            "scheme": scheme,
+            "ordering": ordering,
+            "accuracy_order": accuracy_order,
+            "max_iterations": max_iterations,
+            "tolerance": tolerance,
+            "max_slope": max_slope,
+            "device": device,
+            "precision": precision,
+        },
+    )
     check_folder(output, overwrite=overwrite)
     with stop_on_interrupt() as interrupted, progress_line(tolerance, max_iterations) as show:
 
@@ -316,32 +342,11 @@ def reconstruct(
             show(iteration, change)
             return interrupted()
 
-        result = solve_photo(
-            photo,
-            camera,
-            brightness,
-            mask=mask,
-            walls=walls,
-            known_depth=known_depth,
-            albedo=albedo,
-            light=lit_by,
-            reflectance=material,
-            surface=surface,
-            boundary=boundary,
-            scheme=scheme,
-            ordering=ordering,
-            accuracy_order=accuracy_order,
-            max_iterations=max_iterations,
-            tolerance=tolerance,
-            max_slope=max_slope,
-            device=device,
-            precision=precision,
-            callback=after_iteration,
-        )
+        result = solve_photo(job, after_iteration)
         stopped = interrupted()
     try:
         with writing():
-            files = result.save(output)
+            files = write(result, output)
     except KeyboardInterrupt:
         stopped = True
         earlier = " Those in the folder are of an earlier run." if any(output.glob("*.png")) else ""
@@ -351,7 +356,7 @@ def reconstruct(
             err=True,
         )
         with writing():
-            files = result.save(output, pictures=False)
+            files = write(result, output, pictures=False)
     for file in files:
         typer.echo(file)
     typer.echo(_summary(result), err=True)

@@ -10,7 +10,6 @@ import typer
 
 from persfs_cl.cli.options import (
     AlbedoOption,
-    CameraOptions,
     DeviceOption,
     DiffuseOption,
     FalloffOption,
@@ -27,9 +26,11 @@ from persfs_cl.cli.options import (
     RoughnessOption,
     ShininessOption,
     SpecularOption,
+    chosen_camera,
     chosen_light,
     chosen_reflectance,
     positive,
+    require_focal_length,
 )
 from persfs_cl.cli.output import check_file
 from persfs_cl.errors import CameraError, InputError
@@ -92,14 +93,14 @@ def render(
     """
     lit_by = chosen_light(light, p0, q0, gain, falloff, lamp)
     material = chosen_reflectance(reflectance, roughness, diffuse, specular, shininess)
-    camera = CameraOptions.parse(focal_length, fov, principal_point)
-    camera.require()
+    camera = chosen_camera(focal_length, fov, principal_point)
+    require_focal_length(camera)
     check_file(output, (".png", ".tif", ".tiff"), overwrite=overwrite)
     values = read_depth(depth)
     shape = (values.shape[0], values.shape[1])
     inside = None if mask is None else read_mask(mask, shape)
     shares = None if albedo is None else read_light(albedo, shape)
-    pinhole = camera.camera(depth, shape)
+    pinhole, _ = camera.of(depth, shape)
     try:
         image = photograph(
             values,
@@ -112,7 +113,7 @@ def render(
             precision=precision,
         )
     except (InputError, CameraError) as error:
-        raise type(error)(f"{depth}: {error}") from error
+        raise error.at(depth) from error
     if white is None:
         white = 1.0 if isinstance(lit_by, ParallelLight) else float(np.nanmax(image))
     write_grey(output, image / white, 8 if bits == "8" else 16, encoding=encoding)
