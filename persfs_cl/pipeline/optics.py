@@ -64,9 +64,9 @@ class CameraChoice:
         camera = Camera(self.focal_length, self.principal_point)
         view = horizontal_view(camera, shape)
         if view > _WIDE:
-            length = keyword("focal_length", camera.fx, written=f"{camera.fx:g}")
+            given = keyword("focal_length", camera.fx, written=f"{camera.fx:g}")
             warn(
-                f"{length} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "
+                f"{given} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "
                 "pixels, not millimetres."
             )
         return camera, "--focal-length"
