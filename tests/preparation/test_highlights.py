@@ -131,7 +131,7 @@ def test_a_hole_with_nothing_around_it_is_left() -> None:
     [
         ({"factor": 0.9}, r"factor=0\.9"),
         ({"factor": math.nan}, "factor=nan"),
-        ({"size": 4}, "size=4 is not an odd number"),
+        ({"size": 4}, "size=4 is not a width: give an odd number"),
         ({"size": 0}, "size=0"),
         ({"size": 3.0}, r"size=3\.0"),
         ({"mask": np.zeros((4, 4), bool)}, "selects no pixel"),
@@ -146,14 +146,16 @@ def test_find_specular_refuses_the_impossible(options: dict[str, Any], reason: s
 
 def test_dilate_and_fill_refuse_what_is_no_set_of_pixels() -> None:
     wrong: Any = 1.5
-    with pytest.raises(InputError, match=r"float64 of shape \(4, 4\): give bool"):
+    with pytest.raises(InputError, match=r"pixels is float64 of shape \(4, 4\): give a bool array"):
         dilate(np.ones((4, 4)), 1)
     for radius in (-1, wrong):
-        with pytest.raises(InputError, match=f"radius={radius} is impossible"):
+        with pytest.raises(InputError, match=f"radius={radius} is not possible: give a whole number, 0 or more"):
             dilate(np.ones((4, 4), bool), radius)
-    with pytest.raises(InputError, match=r"holes are float64 of shape \(4, 4\)"):
+    with pytest.raises(InputError, match=r"holes is float64 of shape \(4, 4\)"):
         fill_smoothly(np.ones((4, 4)), np.ones((4, 4)))
-    with pytest.raises(InputError, match=r"holes are bool of shape \(4, 5\): give bool of the image's shape \(4, 4\)"):
+    with pytest.raises(
+        InputError, match=r"holes is bool of shape \(4, 5\): give a bool array of the image's shape"
+    ):
         fill_smoothly(np.ones((4, 4)), np.ones((4, 5), bool))
 
 

@@ -84,12 +84,12 @@ def test_mean_filter_leaves_no_trace_of_a_highlight_in_the_dark() -> None:
 
 @pytest.mark.parametrize("size", [0, -3, 2, 4, 3.0, True, None])
 def test_mean_filter_refuses_a_size_without_a_middle(size: Any) -> None:
-    with pytest.raises(InputError, match="odd number above 0"):
+    with pytest.raises(InputError, match="give an odd number, 1 or more"):
         mean_filter(np.ones((9, 9)), size)
 
 
 def test_mean_filter_refuses_a_window_larger_than_the_image() -> None:
-    with pytest.raises(InputError, match="size 7 is larger than the image, 9×5 pixels"):
+    with pytest.raises(InputError, match="size=7 is larger than the image, 9×5 pixels"):
         mean_filter(np.ones((5, 9)), 7)
 
 
@@ -165,7 +165,7 @@ def test_ambient_light_and_vignetting_outside_the_mask_do_not_matter() -> None:
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [
-        (np.ones((4, 5)), r"is float64 of shape \(4, 5\): give an array of numbers of the image's shape, \(4, 4\)"),
+        (np.ones((4, 5)), r"is float64 of shape \(4, 5\): give an array of numbers of the image's shape \(4, 4\)"),
         (np.ones((4, 4), bool), "is bool of shape"),
         (np.full((4, 4), np.nan), "is nan or so at 16 pixels"),
         (np.full((4, 4), np.inf), "is inf or so at 16 pixels"),
@@ -173,11 +173,11 @@ def test_ambient_light_and_vignetting_outside_the_mask_do_not_matter() -> None:
     ],
 )
 def test_impossible_ambient_light_and_vignetting_are_refused(wrong: Any, reason: str) -> None:
-    with pytest.raises(InputError, match=f"The ambient light {reason}"):
+    with pytest.raises(InputError, match=f"ambient {reason}"):
         subtract_ambient(np.ones((4, 4)), wrong)
-    with pytest.raises(InputError, match="The vignetting"):
+    with pytest.raises(InputError, match=r"^vignetting"):
         divide_vignetting(np.ones((4, 4)), wrong)
-    with pytest.raises(InputError, match="The vignetting is 0 or so at 16 pixels"):
+    with pytest.raises(InputError, match="vignetting is 0 or so at 16 pixels"):
         divide_vignetting(np.ones((4, 4)), np.zeros((4, 4)))
 
 
@@ -275,8 +275,8 @@ def test_every_numeric_type_gives_float64(function: Callable[..., Array], dtype:
         (np.array([["a"]]), None, "not numbers"),
         (np.full((4, 4), np.nan), None, "16 NaN or infinite"),
         (np.full((4, 4), np.inf), None, "16 NaN or infinite"),
-        (np.ones((4, 4)), np.ones((4, 4)), "mask holds float64, not bool"),
-        (np.ones((4, 4)), np.ones((4, 5), bool), r"mask has shape \(4, 5\), the image \(4, 4\)"),
+        (np.ones((4, 4)), np.ones((4, 4)), "mask is float64 of shape"),
+        (np.ones((4, 4)), np.ones((4, 5), bool), r"mask is bool of shape \(4, 5\): give .* the image's shape \(4, 4\)"),
         (np.ones((4, 4)), np.zeros((4, 4), bool), "mask selects no pixel"),
     ],
 )
