@@ -113,7 +113,7 @@ class InputError(ArgumentError, ValueError):
     """An image, mask, depth or option cannot be used as it was given."""
 
 
-class CameraError(ArgumentError):
+class CameraError(ArgumentError, ValueError):
     """The camera is impossible, or a file does not say what the camera was."""
 
 

@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from persfs_cl._cl.device import Device
 from persfs_cl.errors import DeviceError
+from persfs_cl.wording import keyword
 
 
 @contextmanager
@@ -25,7 +26,7 @@ def in_words(device: Device) -> Iterator[None]:
     except cl.MemoryError as error:
         raise DeviceError(
             f"{device} has no memory left for this image (it has {device.memory / 2**30:.1f} GiB): use a smaller "
-            f"image, precision='float32', or another device. It says: {error}"
+            f"image, {keyword('precision', 'float32')}, or another device. It says: {error}"
         ) from error
     except cl.Error as error:
         raise DeviceError(

@@ -7,7 +7,7 @@ import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, SupportsFloat, get_args
+from typing import TYPE_CHECKING, Any, Literal, SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -193,8 +193,8 @@ def read_photo(
     UserWarning
         When the file is damaged or odd, but was read.
     """
-    check_choice("channel", channel, get_args(Channel))
-    check_choice("encoding", encoding, get_args(Encoding))
+    check_choice("channel", channel, Channel)
+    check_choice("encoding", encoding, Encoding)
     path = as_path(path)
     raster = _read_raster(path)
     _require_brightness(path, raster, keep_nan=keep_nan)
@@ -478,9 +478,8 @@ def write_grey(
     if suffix not in (".png", *_TIFF_SUFFIXES):
         raise InputError(f"{target} cannot hold a grey image: give a name that ends in .png, .tif or .tiff.")
     if bits not in (8, 16):
-        raise InputError(f"bits={bits!r} is impossible: give 8 or 16.")
-    if encoding not in ("srgb", "linear"):
-        raise InputError(f"encoding={encoding!r} is unknown: give srgb or linear.")
+        raise InputError.about("bits", bits, "is impossible: give 8 or 16.")
+    check_choice("encoding", encoding, ("srgb", "linear"))
     values = _grey_array(image, "image")
     levels = _quantised(encode_srgb(values) if encoding == "srgb" else values, bits)
     # In memory first: imageio's writers print a traceback of their own when the disk is full.

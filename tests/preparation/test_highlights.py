@@ -153,9 +153,7 @@ def test_dilate_and_fill_refuse_what_is_no_set_of_pixels() -> None:
             dilate(np.ones((4, 4), bool), radius)
     with pytest.raises(InputError, match=r"holes is float64 of shape \(4, 4\)"):
         fill_smoothly(np.ones((4, 4)), np.ones((4, 4)))
-    with pytest.raises(
-        InputError, match=r"holes is bool of shape \(4, 5\): give a bool array of the image's shape"
-    ):
+    with pytest.raises(InputError, match=r"holes is bool of shape \(4, 5\): give a bool array of the image's shape"):
         fill_smoothly(np.ones((4, 4)), np.ones((4, 5), bool))
 
 
