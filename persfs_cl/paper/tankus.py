@@ -116,19 +116,23 @@ def iterations(
         When numba is not installed.
     """
     if not isinstance(light, ParallelLight):
-        raise InputError(f"light={light!r} is no parallel light, the only one of this method: give ParallelLight().")
+        raise InputError.about(
+            "light", light, "is no parallel light, the only one of this method: give ParallelLight()."
+        )
     check_choice("surface", surface, ("away", "toward"))
     if not finite_number(max_slope) > 0:
-        raise InputError(f"max_slope={max_slope!r} is no slope: give a finite number above 0.")
+        raise InputError.about("max_slope", max_slope, "is no slope: give a finite number above 0.")
     model = Model.of(light, Lambertian())
     problem = prepare(
         image, camera, mask, None, known_depth, model, "lax-friedrichs", surface, "wall", float(max_slope)
     )
     facing = 1.0 + light.p0 * problem.grid.x + light.q0 * problem.grid.y
     if facing.min() <= 0.0:
-        raise InputError(
-            f"light={light!r}: some pixels look into the light, where no surface faces it. Crop the image, or give a "
-            "light closer to the camera's axis."
+        raise InputError.about(
+            "light",
+            light,
+            ": some pixels look into the light, where no surface faces it. Crop the image, or give a "
+            "light closer to the camera's axis.",
         )
     return _iterate(problem, light, problem.sign * np.log(facing), fast_marching.compiled())
 

@@ -10,13 +10,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import brief, check_choice, check_finite, check_positive
+from persfs_cl.checks import as_number, as_whole_number, brief, check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.light import Light, ParallelLight
@@ -119,18 +119,17 @@ class Photograph:
 
     def __post_init__(self) -> None:
         if not isinstance(self.light, Light):
-            raise InputError(f"light={brief(self.light)} is no light: give a ParallelLight or a FlashLight.")
+            raise InputError.about("light", self.light, "is no light: give a ParallelLight or a FlashLight.")
         if not isinstance(self.reflectance, Reflectance):
-            raise InputError(
-                f"reflectance={brief(self.reflectance)} is no material: give Lambertian(), OrenNayar or Phong."
+            raise InputError.about(
+                "reflectance", self.reflectance, "is no material: give Lambertian(), OrenNayar or Phong."
             )
-        if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
-            raise InputError(f"bits={brief(self.bits)} is no quantisation: give 1 to 32, or None for unquantised.")
-        check_finite("noise", self.noise)
-        if self.noise < 0:
-            raise InputError(f"noise={brief(self.noise)} is below 0: give a share of the brightest value, 0 for none.")
-        if not (_is_whole(self.seed) and self.seed >= 0):
-            raise InputError(f"seed={brief(self.seed)} starts no random numbers: give a whole number of at least 0.")
+        if self.bits is not None:
+            as_whole_number(
+                "bits", self.bits, least=1, most=32, what="a quantisation", hint=", or None for unquantised"
+            )
+        as_number("noise", self.noise, least=0.0, hint=": a share of the brightest value, 0 for none")
+        as_whole_number("seed", self.seed, what="a start of random numbers")
 
     @property
     def tilt(self) -> tuple[float, float]:
@@ -147,7 +146,7 @@ class Photograph:
         exact = brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.light, self.reflectance)
         image = self._in_range(exact)
         if not image.any():
-            raise InputError(f"light={brief(self.light)} lights nothing that the camera sees: move it to the camera.")
+            raise InputError.about("light", self.light, "lights nothing that the camera sees: move it to the camera.")
         if self.noise:
             spread = self.noise * self._white(image)
             image = self._in_range(image + np.random.default_rng(self.seed).normal(scale=spread, size=image.shape))
@@ -216,8 +215,8 @@ def vase(
     """
     height, width = _checked_shape(shape)
     photograph = Photograph(light, reflectance, bits, noise, seed)
-    check_choice("surface", surface, get_args(Surface))
-    check_choice("known", known, get_args(VaseKnown))
+    check_choice("surface", surface, Surface)
+    check_choice("known", known, VaseKnown)
     check_positive("offset", offset)
     camera = Camera(focal_length=(float(width), float(height)))
     grid = camera.grid(shape)
@@ -231,7 +230,7 @@ def vase(
     sign = 1.0 if surface == "away" else -1.0
     depth = offset + sign * bulge
     if depth.min() <= 0:
-        raise InputError(f"offset={brief(offset)} puts the vase behind the camera: give more than {bulge.max():.3g}.")
+        raise InputError.about("offset", offset, f"puts the vase behind the camera: give more than {bulge.max():.3g}.")
     scale = np.divide(sign, bulge * depth, out=np.zeros_like(depth), where=inside)
     # v points up and y down, hence the opposite signs.
     p, q = -u * scale, -radius * radius_slope * scale
@@ -409,7 +408,7 @@ def hillside(
         When the focal length is impossible.
     """
     photograph = Photograph(light, reflectance, bits, noise, seed)
-    check_choice("surface", surface, get_args(Surface))
+    check_choice("surface", surface, Surface)
     check_positive("relief", relief)
     camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
@@ -422,9 +421,9 @@ def hillside(
     fall_right, fall_down = -0.4 * unit**2, 0.25 * unit**2
     plane = 1 + fall_right * right + fall_down * down
     if plane.min() <= 0:
-        raise InputError(f"focal_length={brief(focal_length)} gives a view that looks past the slope: give more.")
+        raise InputError.about("focal_length", focal_length, "gives a view that looks past the slope: give more.")
     if value.min() <= -1:
-        raise InputError(f"relief={brief(relief)} takes the surface behind the camera: give less.")
+        raise InputError.about("relief", relief, "takes the surface behind the camera: give less.")
     slope_right = -8 * (right - 0.3) * value / (1 + value) - fall_right / plane
     slope_down = -8 * (down + 0.2) * value / (1 + value) - fall_down / plane
     p, q = (cosine * slope_right + sine * slope_down) / unit, (cosine * slope_down - sine * slope_right) / unit
@@ -483,7 +482,7 @@ def sphere_cap(
         When the focal length is impossible.
     """
     photograph = Photograph(light, reflectance, bits, noise, seed)
-    check_choice("surface", surface, get_args(Surface))
+    check_choice("surface", surface, Surface)
     check_positive("relief", relief)
     check_positive("radius", radius)
     check_finite("centre", *centre)
@@ -492,17 +491,20 @@ def sphere_cap(
     unit = min(shape[1] * grid.dx, shape[0] * grid.dy) / 2
     reach = math.hypot(*centre) + radius
     if reach >= 1:
-        raise InputError(
-            f"radius={brief(radius)} around centre={brief(centre)} reaches {reach:.3g} of the way to the edge of the"
-            " image: keep it below 1."
+        raise InputError.about(
+            "radius",
+            radius,
+            f"around centre={brief(centre)} reaches {reach:.3g} of the way to the edge of the image: keep it below 1.",
         )
     base = radius * unit
     incline = 2 * math.atan(relief / base)
     steepest = base * math.tan((math.pi / 2 - math.atan(reach * unit)) / 2)
     if relief >= min(steepest, 1.0):
-        raise InputError(
-            f"relief={brief(relief)} inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
-            f" seen all round: give less than {min(steepest, 1.0):.3g}."
+        raise InputError.about(
+            "relief",
+            relief,
+            f"inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
+            f" seen all round: give less than {min(steepest, 1.0):.3g}.",
         )
     cosine, sine = _turn(orientation)
     centre_x = unit * (cosine * centre[0] + sine * centre[1])
@@ -545,7 +547,7 @@ def _framed(
     relief: float,
 ) -> Scene:
     """1 ± relief (1 - ξ²)(1 - η²) profile, which returns its value and its two slopes at turned (X, Y)."""
-    check_choice("surface", surface, get_args(Surface))
+    check_choice("surface", surface, Surface)
     check_positive("relief", relief)
     camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
@@ -562,7 +564,7 @@ def _framed(
     signed_relief = relief if surface == "away" else -relief
     depth = 1 + signed_relief * window_x * window_y * value
     if depth.min() <= 0:
-        raise InputError(f"relief={brief(relief)} takes the surface behind the camera: give less.")
+        raise InputError.about("relief", relief, "takes the surface behind the camera: give less.")
     p = signed_relief * window_y * (window_x * slope_x - 2 * grid.x / half_width**2 * value) / depth
     q = signed_relief * window_x * (window_y * slope_y - 2 * grid.y / half_height**2 * value) / depth
     return _scene(name, camera, photograph, surface, depth, (p, q))
@@ -618,9 +620,5 @@ def _turn(orientation: float) -> tuple[float, float]:
 def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
     sides = tuple(shape) if isinstance(shape, Sequence) else ()
     if len(sides) != 2 or not all(isinstance(side, Integral) and side >= 3 for side in sides):
-        raise InputError(f"shape={brief(shape)} is no image size: give (height, width), both whole and at least 3.")
+        raise InputError.about("shape", shape, "is no image size: give (height, width), both whole and at least 3.")
     return sides[0], sides[1]
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool)

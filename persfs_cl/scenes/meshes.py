@@ -7,7 +7,7 @@ import io
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,11 +163,11 @@ def mesh_scene(
     import trimesh
 
     photograph = Photograph(light, reflectance, bits, noise, seed)
-    check_choice("up", up, get_args(Up))
+    check_choice("up", up, Up)
     check_finite("turn", turn)
     check_finite("margin", margin)
     if not 0 <= margin < 0.5:
-        raise InputError(f"margin={margin!r} leaves no image: give at least 0 and less than 0.5.")
+        raise InputError.about("margin", margin, "leaves no image: give at least 0 and less than 0.5.")
     check_positive("distance", distance)
     camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
@@ -185,7 +185,7 @@ def mesh_scene(
     view = _trimmed(mesh_view(trimesh.Trimesh(vertices, mesh.faces, process=False), camera, shape))
     mask = np.isfinite(view.depth)
     if not mask.any():
-        raise InputError(f"shape={shape!r} is too small to show the mesh {name!r}: give more pixels.")
+        raise InputError.about("shape", shape, f"is too small to show the mesh {name!r}: give more pixels.")
     (left, right), (above, below) = view.differences(np.log(view.depth))
     p, q = _mean(left, right) / grid.dx, _mean(above, below) / grid.dy
     x, y = np.broadcast_arrays(grid.x, grid.y)

@@ -264,7 +264,7 @@ def comparison_picture(
         ``white`` is not above 0.
     """
     if not 0 < white < np.inf:
-        raise InputError(f"white={white!r} is not a brightness: give a finite number above 0.")
+        raise InputError.about("white", white, "is not a brightness: give a finite number above 0.")
     scale = 255.0 / white
     given = np.asarray(photo, dtype=np.float64) * scale
     again = np.asarray(rendered, dtype=np.float64) * scale
@@ -378,9 +378,9 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
     """
     values = np.asarray(changes, dtype=np.float64)
     if values.ndim != 1 or values.size == 0 or not (np.isfinite(values) & (values >= 0)).all():
-        raise InputError(f"changes={changes!r}: give one finite number >= 0 for each iteration.")
+        raise InputError.about("changes", changes, ": give one finite number >= 0 for each iteration.")
     if not 0 <= tolerance < np.inf:
-        raise InputError(f"tolerance={tolerance!r} is not a change: give a finite number >= 0.")
+        raise InputError.about("tolerance", tolerance, "is not a change: give a finite number >= 0.")
 
     iterations = np.arange(1, values.size + 1)
     moved = values > 0

@@ -17,7 +17,7 @@ from persfs_cl import metrics
 from persfs_cl._cl.device import Device
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
-from persfs_cl.checks import as_array, as_floats, brief, warn
+from persfs_cl.checks import as_array, as_floats, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io import photos as images
 from persfs_cl.io.files import FilePath, as_path, atomic_path, filling, json_text
@@ -229,7 +229,7 @@ class Solution:
 
     def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
         if doubts is not None and not isinstance(doubts, Mapping):
-            raise InputError(f"doubts={brief(doubts)} is no mapping: give maps of bool by the reason for doubt.")
+            raise InputError.about("doubts", doubts, "is no mapping: give maps of bool by the reason for doubt.")
         given = {reason: as_array(f"doubts[{reason!r}]", pixels) for reason, pixels in (doubts or {}).items()}
         for reason, pixels in given.items():
             if pixels.dtype != bool or pixels.shape != self.depth.shape:
