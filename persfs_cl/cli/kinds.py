@@ -63,9 +63,7 @@ def kind_chooser(
     choices: Any = Literal[tuple(kinds)]
     summaries = " ".join(f"{name}: {kind.summary}." for name, kind in kinds.items())  # type: ignore[attr-defined]
     typed = typer.Option(f"--{option}", help=summaries, rich_help_panel=panel)
-    first = Parameter(
-        option, Parameter.KEYWORD_ONLY, default=next(iter(kinds)), annotation=Annotated[choices, typed]
-    )
+    first = Parameter(option, Parameter.KEYWORD_ONLY, default=next(iter(kinds)), annotation=Annotated[choices, typed])
     return with_signature(choose, [first, *(number.parameter(panel, naming) for number in numbers.values())])
 
 

@@ -8,10 +8,12 @@ from typing import Any
 import typer
 
 from persfs_cl.errors import Worded
-from persfs_cl.shading.light import FlashLight, ParallelLight
+from persfs_cl.shading.light import LIGHTS
+from persfs_cl.shading.material import MATERIALS
 from persfs_cl.wording import Mention, Spelling
 
-_KINDS = {FlashLight.__name__: "flash", ParallelLight.__name__: "parallel"}
+_KINDS = {kind.__name__: name for kinds in (LIGHTS, MATERIALS) for name, kind in kinds.items()}
+"""What is typed for values that are told by their type."""
 
 
 class WrongOption(typer.BadParameter):

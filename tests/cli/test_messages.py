@@ -152,7 +152,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "flat lamp": (("--light=flash", "--lamp=1,2"), 2, ("--lamp", "1,2", "three numbers")),
     "lamp at a right angle": (("--light=flash", "--lamp=90deg,0,0"), 2, ("--lamp", "90deg,0,0", "between -80 and 80")),
     "lamp at no angle": (("--light=flash", "--lamp=1.2.3deg,0,0"), 2, ("--lamp", "1.2.3deg,0,0", "as in 5deg")),
-    "flash with a side": (("--light=flash", "--surface=toward"), 2, ("--surface toward", "Leave the option out")),
+    "flash with a side": (("--light=flash", "--surface=toward"), 2, ("--surface toward", "Leave --surface out")),
     "normalised flash": (("--light=flash", "--normalise=grey"), 2, ("--normalise", "leave it out")),
     "white flash": (("--light=flash", "--white-percentile=99"), 2, ("--white-percentile", "leave it out")),
     "flash without size": (("--light=flash", "--no-falloff"), 1, ("photo.png", "--known-depth", "--light flash")),

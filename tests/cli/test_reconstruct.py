@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-import typing
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +14,9 @@ from command import FILES, FOCAL, HEIGHT, SCENE, WIDTH, names, run, strict
 from PIL import Image
 
 import persfs_cl as ps
-from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.io.photos import read_depth, read_photo, write_depth
 from persfs_cl.preparation import normalise as grey
 from persfs_cl.preparation.prepare import Preparation, cos4_vignetting, prepare_photo
-from persfs_cl.solver import reconstruct as solver
 
 
 def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
@@ -151,15 +147,6 @@ def test_the_place_of_the_lamp_may_be_an_angle(tmp_path: Path) -> None:
     assert run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *lamp).status == 0
     given = strict(tmp_path / "out" / "report.json")["parameters"]["light"]["offset"]
     assert given == pytest.approx(light.offset)
-
-
-def test_choices_and_defaults_are_those_of_the_library() -> None:
-    types = typing.get_type_hints(reconstruct)
-    command, library = inspect.signature(reconstruct).parameters, inspect.signature(ps.reconstruct).parameters
-    for name, choices in solver._CHOICES.items():
-        assert typing.get_args(types[name]) == choices
-    for name in (*solver._CHOICES, "max_iterations", "tolerance", "max_slope"):
-        assert command[name].default == library[name].default
 
 
 @pytest.mark.usefixtures("quick")
