@@ -25,8 +25,11 @@ if TYPE_CHECKING:
     from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
     from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
     from persfs_cl.scenes.meshes import mesh_scene
-    from persfs_cl.shading.light import FlashLight, ParallelLight
-    from persfs_cl.shading.material import Lambertian, OrenNayar, Phong
+    from persfs_cl.shading.flash_light import FlashLight
+    from persfs_cl.shading.lambertian import Lambertian
+    from persfs_cl.shading.oren_nayar import OrenNayar
+    from persfs_cl.shading.parallel_light import ParallelLight
+    from persfs_cl.shading.phong import Phong
     from persfs_cl.solver.reconstruct import reconstruct, reconstruct_batch
     from persfs_cl.surface.render import render
     from persfs_cl.surface.solution import Elapsed, Solution, Status
@@ -49,10 +52,13 @@ else:
         "surface.render": ("render",),
         "preparation.normalise": ("normalise_grey",),
         "io.photos": ("read_image", "read_photo"),
-        "shading.light": ("FlashLight", "ParallelLight"),
+        "shading.flash_light": ("FlashLight",),
+        "shading.parallel_light": ("ParallelLight",),
         "metrics": ("Errors", "compare"),
         "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
-        "shading.material": ("Lambertian", "OrenNayar", "Phong"),
+        "shading.lambertian": ("Lambertian",),
+        "shading.oren_nayar": ("OrenNayar",),
+        "shading.phong": ("Phong",),
         "scenes.meshes": ("mesh_scene",),
         "scenes.analytic": ("Scene", "bump", "bumps", "hillside", "sphere_cap", "vase"),
         "surface.solution": ("Elapsed", "Solution", "Status"),

@@ -12,9 +12,10 @@ from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, Paralle
 from persfs_cl._cl.launches import Sweeper
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.tuning import Tuning
-from persfs_cl.shading.light import Light
-from persfs_cl.shading.material import Reflectance
-from persfs_cl.shading.model import Model
+from persfs_cl.choices import Boundary, Surface
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 OBLIQUE = ParallelLight(0.3, -0.2)
@@ -44,8 +45,8 @@ def random_problem(
     seed: int,
     shape: tuple[int, int],
     *,
-    surface: str = "away",
-    boundary: str = "outflow",
+    surface: Surface = "away",
+    boundary: Boundary = "outflow",
     light: Light = ParallelLight(),
     reflectance: Reflectance = Lambertian(),
     holes: float = 0.1,
@@ -63,9 +64,11 @@ def random_problem(
         known[:] = np.nan
         known[row, column] = 1.0
     camera = Camera(focal_length=(1.1 * max(shape) + 3, 0.9 * max(shape) + 3))
-    model = Model.of(light, reflectance)
+    options = complete({"light": light, "reflectance": reflectance, "scheme": scheme, "surface": surface})
+    # Whatever the scheme, for the kernels that renew the boundary; and flat surfaces too.
+    options["boundary"], options["max_slope"] = boundary, 30.0
     inside = mask | (np.arange(shape[1]) < 2)
-    return prepare(image, camera, inside, None, known, model, scheme, surface, boundary, 30.0)
+    return prepare(image, camera, inside, None, known, options=options)
 
 
 def fitted(tuning: Tuning, device: Device, precision: str) -> Tuning:
@@ -96,7 +99,7 @@ def sweeper(
     return Sweeper(
         device,
         [problem.numbers],
-        model=problem.model.kernels_with(problem.scheme),
+        model=problem.kernels,
         ordering=ordering,
         precision=precision,
         linear=linear,

@@ -79,5 +79,5 @@ static inline number rendered(const number log_depth, const number p, const numb
                               const parameter_set *parameters)
 {
     const number ray = multiply_add(x, x, multiply_add(y, y, (number)1));
-    return parameters->gain * exponential(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
+    return exponential(-(number)2 * log_depth - norm_part(p, q, x, y, parameters)) / ray;
 }

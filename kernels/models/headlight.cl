@@ -109,5 +109,5 @@ static inline number rendered(const number log_depth, const number p, const numb
 {
     const number ray = square_ray(x, y);
     const number secant = norm_part(p + x / ray, q + y / ray, x, y, parameters);
-    return parameters->gain * exponential(-dimming(multiply_add(secant, secant, (number)-1), parameters));
+    return exponential(-dimming(multiply_add(secant, secant, (number)-1), parameters));
 }

@@ -21,8 +21,8 @@ from persfs_cl.errors import InputError
 from persfs_cl.preparation.normalise import mean_filter
 from persfs_cl.scenes.analytic import Scene
 from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
-from persfs_cl.shading.light import Light
-from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
 
 ERROR, ERROR_SCALED, ORDER = "mean error", "mean error, one scale", "fitted order"
 GREY_ERROR = "grey error"

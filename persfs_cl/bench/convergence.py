@@ -11,7 +11,7 @@ import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.subjects import sweeper
-from persfs_cl.shading.model import Model
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 ERROR, ELAPSED = "largest error", "elapsed"
@@ -31,11 +31,16 @@ def convergence(plan: Plan) -> Iterator[list[Record]]:
     """
     size = plan.size(_SIZE)
     scene = ps.bump((size, size))
-    model = Model.of(scene.light, scene.reflectance)
-    problem = prepare(
-        *(scene.image, scene.camera, None, None, scene.known_depth),
-        *(model, "lax-friedrichs", scene.surface, "fixed", 30.0),
+    options = complete(
+        {
+            "light": scene.light,
+            "reflectance": scene.reflectance,
+            "scheme": "lax-friedrichs",
+            "surface": scene.surface,
+            "boundary": "fixed",
+        }
     )
+    problem = prepare(scene.image, scene.camera, None, None, scene.known_depth, options=options)
     limit = _limit(plan, problem)
     for ordering in plan.orderings:
         runs = [_run(plan, problem, ordering, limit) for _ in range(plan.repeats)]

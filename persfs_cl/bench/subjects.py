@@ -13,11 +13,11 @@ from persfs_cl._cl.probes import device_seconds
 from persfs_cl._cl.tuning import Tuning
 from persfs_cl.bench.timing import Work
 from persfs_cl.camera import Camera
-from persfs_cl.shading.light import ParallelLight
-from persfs_cl.shading.material import Lambertian
-from persfs_cl.shading.model import Model
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
-from persfs_cl.solver.reconstruct import MAX_SLOPE
+from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
+from persfs_cl.solver.schemes.scheme import MAX_SLOPE
 
 # Oblique, so that no term of the equation vanishes.
 _LIGHT = ParallelLight(0.2, -0.1)
@@ -60,10 +60,11 @@ def smooth_image(size: int) -> NDArray[np.float64]:
 
 def smooth_problem(size: int, scheme: str = "lax-friedrichs") -> Problem:
     """That image with a known frame: every other pixel is swept."""
-    image, camera, model = smooth_image(size), Camera(float(size)), Model.of(_LIGHT, Lambertian())
+    options = complete({"light": _LIGHT, "scheme": scheme, "boundary": "fixed"})
+    options["max_slope"] = MAX_SLOPE
     frame = np.full((size, size), np.nan)
     frame[[0, -1]] = frame[:, [0, -1]] = 1.0
-    return prepare(image, camera, None, None, frame, model, scheme, "away", "fixed", MAX_SLOPE)
+    return prepare(smooth_image(size), Camera(float(size)), None, None, frame, options=options)
 
 
 def swept_cells(problem: Problem) -> int:
@@ -84,7 +85,7 @@ def sweeper(
     return Sweeper(
         device,
         [problem.numbers] * images,
-        model=problem.model.kernels_with(problem.scheme),
+        model=problem.kernels,
         ordering=ordering,
         precision=precision,
         tolerance=_NEVER,
@@ -113,7 +114,7 @@ def sweeps_alone(name: str, device: Device, sweeps: Sweeper, problem: Problem) -
 
 
 def _subject(name: str, work: Work, sweeps: Sweeper, problem: Problem, *, step: int) -> Subject:
-    like_plain_c = problem.scheme == "lax-friedrichs"
+    like_plain_c = problem.scheme == LaxFriedrichs()
     cells = swept_cells(problem) * sweeps.count
     return Subject(name, work, cells, described(sweeps.tuning), step=step, like_plain_c=like_plain_c)
 

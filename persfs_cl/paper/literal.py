@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.launches import Grid, Sweeper
 from persfs_cl.scenes.analytic import Scene
-from persfs_cl.shading.light import ParallelLight
-from persfs_cl.shading.material import Lambertian
-from persfs_cl.shading.model import Model
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.reference import Reference
 
@@ -100,19 +98,9 @@ class _Negated(Reference):
 
 
 def _problem(scene: Scene) -> Problem:
-    model = Model.of(ParallelLight(), Lambertian())
-    return prepare(
-        scene.image,
-        scene.camera,
-        scene.mask,
-        None,
-        scene.known_depth,
-        model,
-        _SCHEME,
-        scene.surface,
-        "outflow",
-        _NO_BOUND,
-    )
+    options = complete({"scheme": _SCHEME, "surface": scene.surface, "boundary": "outflow"})
+    options["max_slope"] = _NO_BOUND
+    return prepare(scene.image, scene.camera, scene.mask, None, scene.known_depth, options=options)
 
 
 def _iterated(device: Device, problem: Problem, grid: Grid) -> Array:
@@ -121,7 +109,7 @@ def _iterated(device: Device, problem: Problem, grid: Grid) -> Array:
     sweeper = Sweeper(
         device,
         [grid],
-        model=problem.model.kernels_with(_SCHEME),
+        model=problem.kernels,
         ordering="wavefront",
         precision=precision,
         tolerance=_NEVER,

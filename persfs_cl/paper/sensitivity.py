@@ -21,7 +21,6 @@ from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.vase import CLOSEST, START
 from persfs_cl.scenes.analytic import Scene, vase
 from persfs_cl.solver.reconstruct import reconstruct
-from persfs_cl.solver.reference import reflectance_map
 
 Array = NDArray[np.float64]
 
@@ -183,6 +182,6 @@ def _seen_from_below(scene: Scene) -> Scene:
     height, width = scene.depth.shape
     camera = Camera(scene.camera.focal_length, principal_point=((width - 1) / 2, height - 0.5))
     grid = camera.grid((height, width))
-    exact = reflectance_map(*scene.log_depth_gradient, grid.x, grid.y, scene.light)  # type: ignore[arg-type]
+    exact = scene.light.brightness(0.0, *scene.log_depth_gradient, grid.x, grid.y, scene.reflectance)
     image = np.where(scene.mask, np.clip(exact, 0.0, 1.0), 1.0)
     return replace(scene, camera=camera, image=np.round(255.0 * image) / 255.0)

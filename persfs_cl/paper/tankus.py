@@ -36,11 +36,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import check_choice, finite_number
+from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.paper import fast_marching
-from persfs_cl.shading.light import ParallelLight
-from persfs_cl.shading.material import Lambertian
-from persfs_cl.shading.model import Model
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def iterations(
     light: ParallelLight = ParallelLight(),
     mask: ArrayLike | None = None,
     known_depth: ArrayLike | None = None,
-    surface: str = "away",
+    surface: Surface = "away",
     max_slope: float = 5.0,
 ) -> Iterator[Iterate]:
     """One iterate after the other, for ever; the caller stops.
@@ -122,10 +122,9 @@ def iterations(
     check_choice("surface", surface, ("away", "toward"))
     if not finite_number(max_slope) > 0:
         raise InputError.about("max_slope", max_slope, "is no slope: give a finite number above 0.")
-    model = Model.of(light, Lambertian())
-    problem = prepare(
-        image, camera, mask, None, known_depth, model, "lax-friedrichs", surface, "wall", float(max_slope)
-    )
+    options = complete({"light": light, "scheme": "lax-friedrichs", "surface": surface, "boundary": "wall"})
+    options["max_slope"] = float(max_slope)
+    problem = prepare(image, camera, mask, None, known_depth, options=options)
     facing = 1.0 + light.p0 * problem.grid.x + light.q0 * problem.grid.y
     if facing.min() <= 0.0:
         raise InputError.about(

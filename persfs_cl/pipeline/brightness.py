@@ -12,7 +12,7 @@ from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Channel, Encoding, read_light
 from persfs_cl.preparation.prepare import Highlights, Normalise, Preparation, PreparedPhoto
-from persfs_cl.shading.light import Light, ParallelLight
+from persfs_cl.shading.model import Light
 from persfs_cl.wording import keyword
 
 _DARKENING = ("clip_highlights", "mean_filter", "ambient", "highlights")
@@ -83,7 +83,7 @@ class Brightness:
             )
         done = {"channel": self.channel, **prepared.report}
         done |= {name: str(file) for name, file in vars(self).items() if isinstance(file, Path)}
-        if isinstance(light, ParallelLight):
+        if light.normalised:
             normalised = prepared.normalised(self.normalise or "linear", percentile=self.white_percentile)
             return normalised.image, normalised.unfiltered, {**done, **normalised.report}
         if self.normalise not in (None, "none") or self.white_percentile is not None:

@@ -24,11 +24,13 @@ from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.pipeline.results import PhotoSolution
 from persfs_cl.preparation.normalise import encode_srgb
 from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
-from persfs_cl.shading.light import Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, Reflectance
-from persfs_cl.shading.model import Model
-from persfs_cl.solver.problem import warn_of_steep_outline
-from persfs_cl.solver.reconstruct import Callback, reconstruct
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.inputs import warn_of_steep_outline
+from persfs_cl.solver.options import Callback, Options
+from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.wording import keyword
 
 
@@ -46,7 +48,7 @@ class Job:
         Files of the photo's size.
     light : Light
     reflectance : Reflectance
-    keywords : mapping
+    keywords : Options
         Further keywords of :func:`persfs_cl.reconstruct`.
     """
 
@@ -59,7 +61,7 @@ class Job:
     albedo: Path | None = None
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
-    keywords: Mapping[str, Any] = field(default_factory=dict)
+    keywords: Options = field(default_factory=Options)
 
     @property
     def files(self) -> dict[str, Path | None]:
@@ -172,7 +174,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     """
     job, photo, wanted, walls = inputs.job, inputs.photo, inputs.wanted, inputs.walls
     depths = inputs.known_depth
-    assumed = depths is None and isinstance(job.light, ParallelLight)
+    assumed = depths is None and job.light.flat_rim
     known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
     solvable = wanted
     with _naming(job.path):
@@ -194,10 +196,10 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             if assumed:
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
-                model = Model.of(job.light, job.reflectance)
                 albedo = inputs.albedo
                 looked_at = solvable if walls is None else solvable & ~walls
-                warn_of_steep_outline(image if albedo is None else image / albedo, looked_at, wanted, model)
+                brightness = image if albedo is None else image / albedo
+                warn_of_steep_outline(brightness, looked_at, wanted, job.light, job.reflectance)
     report = {
         "photo": {
             **done,

@@ -19,9 +19,12 @@ from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import as_number, as_whole_number, brief, check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
-from persfs_cl.shading.light import Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, Reflectance
-from persfs_cl.solver.reference import brightness
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.light import require_light
+from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -118,12 +121,8 @@ class Photograph:
     seed: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.light, Light):
-            raise InputError.about("light", self.light, "is no light: give a ParallelLight or a FlashLight.")
-        if not isinstance(self.reflectance, Reflectance):
-            raise InputError.about(
-                "reflectance", self.reflectance, "is no material: give Lambertian(), OrenNayar or Phong."
-            )
+        require_light(self.light)
+        require_reflectance(self.reflectance)
         if self.bits is not None:
             as_whole_number(
                 "bits", self.bits, least=1, most=32, what="a quantisation", hint=", or None for unquantised"
@@ -134,7 +133,7 @@ class Photograph:
     @property
     def tilt(self) -> tuple[float, float]:
         """Slopes of the plane that faces the light; the camera's own light faces what the camera faces."""
-        return (self.light.p0, self.light.q0) if isinstance(self.light, ParallelLight) else (0.0, 0.0)
+        return self.light.tilt
 
     @property
     def brightest_on_top(self) -> bool:
@@ -143,7 +142,7 @@ class Photograph:
 
     def taken(self, depth: Array, log_depth_gradient: tuple[Array, Array], grid: PixelGrid) -> Array:
         """The image of a surface."""
-        exact = brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.light, self.reflectance)
+        exact = self.light.brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.reflectance)
         image = self._in_range(exact)
         if not image.any():
             raise InputError.about("light", self.light, "lights nothing that the camera sees: move it to the camera.")
@@ -156,10 +155,10 @@ class Photograph:
         return np.asarray(np.round(image * (levels / white)) / levels * white)
 
     def _in_range(self, image: Array) -> Array:
-        return np.clip(image, 0.0, 1.0 if isinstance(self.light, ParallelLight) else None)
+        return np.clip(image, 0.0, 1.0 if self.light.normalised else None)
 
     def _white(self, image: Array) -> float:
-        return 1.0 if isinstance(self.light, ParallelLight) else float(image.max())
+        return 1.0 if self.light.normalised else float(image.max())
 
 
 def vase(

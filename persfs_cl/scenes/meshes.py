@@ -17,8 +17,10 @@ from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, read_bytes
 from persfs_cl.scenes.analytic import Photograph, Scene, square_camera
-from persfs_cl.shading.light import Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, Reflectance
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
 
 if TYPE_CHECKING:
     import trimesh

@@ -8,8 +8,11 @@ from typing import Literal, get_args
 
 from persfs_cl.choices import Boundary, Ordering, Precision, Scheme, Surface
 from persfs_cl.selftest.scenes import EVEN, FLASH, FRONTAL, LAMP, OBLIQUE
-from persfs_cl.shading.light import Light
-from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.oren_nayar import OrenNayar
+from persfs_cl.shading.phong import Phong
+from persfs_cl.shading.reflectance import Reflectance
 
 Kind = Literal["sweeps", "shared image", "second order", "render", "rate", "copy"]
 

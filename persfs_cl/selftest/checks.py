@@ -19,8 +19,7 @@ from persfs_cl.bench.subjects import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.analytic import bumps
 from persfs_cl.selftest.cases import Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
-from persfs_cl.shading.light import ParallelLight
-from persfs_cl.solver import reference
+from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
 from persfs_cl.surface.geometry import log_depth_gradient
@@ -178,7 +177,7 @@ class Checks:
         p, q = log_depth_gradient(depth, scene.camera)
         grid = scene.camera.grid(_RENDERED)
         light, material = case.light_source, case.reflectance
-        expected = reference.brightness(np.log(depth), p, q, grid.x, grid.y, light, material)
+        expected = light.brightness(np.log(depth), p, q, grid.x, grid.y, material)
 
         def rendered() -> NDArray[np.float64]:
             return render(
@@ -227,7 +226,7 @@ class Checks:
             return Sweeper(
                 self.device,
                 [problem.numbers],
-                model=problem.model.kernels_with(problem.scheme),
+                model=problem.kernels,
                 ordering=case.ordering,
                 precision=case.precision,
                 linear=case.boundary == "extrapolate",

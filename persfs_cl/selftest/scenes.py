@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from persfs_cl.camera import Camera
+from persfs_cl.choices import Boundary, Surface
 from persfs_cl.scenes.analytic import Scene, bump, hillside
-from persfs_cl.shading.light import FlashLight, Light, ParallelLight
-from persfs_cl.shading.material import Reflectance
-from persfs_cl.shading.model import Model
+from persfs_cl.shading.flash_light import FlashLight
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
-from persfs_cl.solver.reconstruct import MAX_SLOPE, MAX_SLOPE_UPWIND
+from persfs_cl.solver.schemes import SCHEMES
+from persfs_cl.solver.schemes.scheme import MAX_SLOPE
+from persfs_cl.solver.schemes.upwind import MAX_SLOPE_UPWIND
 
 SMALL = (9, 13)
 LARGE = (270, 250)
@@ -22,7 +27,12 @@ _DARKEST, _BRIGHTEST = 0.35, 0.98
 
 
 def noise(
-    light: Light, reflectance: Reflectance, scheme: str, surface: str, boundary: str, shape: tuple[int, int] = SMALL
+    light: Light,
+    reflectance: Reflectance,
+    scheme: str,
+    surface: Surface,
+    boundary: Boundary,
+    shape: tuple[int, int] = SMALL,
 ) -> Problem:
     """An image of noise with holes in its mask, known depths here and there and, where the boundary wants it, a frame.
 
@@ -33,7 +43,12 @@ def noise(
     shape : (int, int)
     """
     random = np.random.default_rng(_SEED)
-    model, camera = Model.of(light, reflectance), Camera((1.1 * max(shape) + 3.0, 0.9 * max(shape) + 3.0))
+    options = complete(
+        {"light": light, "reflectance": reflectance, "scheme": scheme, "surface": surface, "boundary": boundary}
+    )
+    options["max_slope"] = MAX_SLOPE
+    model = SCHEMES[scheme].model(light, reflectance)
+    camera = Camera((1.1 * max(shape) + 3.0, 0.9 * max(shape) + 3.0))
     most = model.brightest(camera.grid(shape))
     image = random.uniform(_DARKEST, _BRIGHTEST, shape) * (most if np.isfinite(most) else 1.0)
     mask = random.uniform(size=shape) > 0.1
@@ -42,20 +57,21 @@ def noise(
     if boundary == "fixed":
         mask[:] = True
         known[[0, -1]] = known[:, [0, -1]] = 1.0
-    return prepare(image, camera, mask, None, known, model, scheme, surface, boundary, MAX_SLOPE)
+    return prepare(image, camera, mask, None, known, options=options)
 
 
 def smooth(light: Light, reflectance: Reflectance) -> tuple[Scene, Problem]:
     """A hill for the upwind scheme, where its correction to second order leaves much less error."""
     shape = (_SMOOTH, _SMOOTH)
-    model = Model.of(light, reflectance)
-    if model.falls_off:
+    options = complete({"light": light, "reflectance": reflectance, "scheme": "upwind"})
+    if light.determines_depth:
         scene = hillside(shape, light=light, reflectance=reflectance, surface="toward")
-        known, surface, slope = None, "away", MAX_SLOPE
+        known = None
     else:
         scene = bump(shape, light=light, reflectance=reflectance, surface="toward", focal_length=2.0 * _SMOOTH)
-        known, surface, slope = scene.known_depth, "toward", MAX_SLOPE_UPWIND
-    return scene, prepare(scene.image, scene.camera, None, None, known, model, "upwind", surface, "wall", slope)
+        known = scene.known_depth
+        options["surface"], options["max_slope"] = "toward", MAX_SLOPE_UPWIND
+    return scene, prepare(scene.image, scene.camera, None, None, known, options=options)
 
 
 FRONTAL, OBLIQUE = ParallelLight(), ParallelLight(0.3, -0.2)

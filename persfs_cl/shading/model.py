@@ -1,264 +1,266 @@
-"""Which kernels stand for a light, a material and a scheme, and the numbers that they want."""
+"""What every light answers, and the model that it makes of a material: kernels, and the numbers that they want."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.camera import PixelGrid
-from persfs_cl.checks import brief
-from persfs_cl.choices import Scheme
-from persfs_cl.errors import InputError
-from persfs_cl.shading.light import FlashLight, Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
+from persfs_cl.choices import Boundary
+from persfs_cl.shading.equations import Equation
+from persfs_cl.shading.reflectance import Array, Reflectance
 
-_MATERIAL_KERNELS: dict[type[Reflectance], str] = {
-    Lambertian: "lambertian",
-    OrenNayar: "oren_nayar",
-    Phong: "phong",
-}
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
-_ANGLES = 2**18 + 1
-
-_MARGIN, _SMALL_MARGIN = 1.02, 1.001
-"""More than a slope, and a value with level top, can rise between its samples above the largest of them."""
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Model:
-    """A light on a material.
+class Light(ABC):
+    """What every light answers. Its numbers are its dataclass fields; `metadata` of a field describes an option.
 
     Attributes
     ----------
-    light : ParallelLight or FlashLight
+    summary : str
+        What it is, for the command's help.
+    normalised : bool
+        Whether the image is the normalised reflectance E in [0, 1], rather than a brightness on a scale of its own.
+    determines_depth : bool
+        Whether the light fades with distance, so that the image alone determines the depth.
+    flat_rim : bool
+        Whether, where no depth is known, the edge of the image or mask is taken to be at z = 1.
+    bounds_slope : bool
+        Whether the equation bounds the slope at every pixel that is not as dark as at grazing.
+    off_axis : bool
+        Whether the light comes from a point near the camera, but not from the camera.
+    boundary : str
+        What ``boundary="auto"`` is for a scheme to which something may flow in.
+    """
+
+    summary: ClassVar[str]
+    normalised: ClassVar[bool] = False
+    flat_rim: ClassVar[bool] = False
+    bounds_slope: ClassVar[bool] = True
+    boundary: ClassVar[Boundary] = "wall"
+
+    @property
+    def determines_depth(self) -> bool:
+        """See :class:`Light`."""
+        return False
+
+    @property
+    def off_axis(self) -> bool:
+        """See :class:`Light`."""
+        return False
+
+    @property
+    def cosine_of_ground(self) -> float:
+        """Cosine between the light and flat ground that faces the camera, seen along the axis."""
+        return 1.0
+
+    @abstractmethod
+    def model(self, reflectance: Reflectance) -> Model:
+        """The Hamiltonian of a material in this light, for rendering and the Lax-Friedrichs scheme.
+
+        Raises
+        ------
+        InputError
+            When there is none.
+        """
+
+    @abstractmethod
+    def upwind_model(self, reflectance: Reflectance) -> Model:
+        """The same for the upwind scheme, which wants the set of gradients {P : H(P) <= 0} to be convex.
+
+        Raises
+        ------
+        InputError
+            When there is none.
+        """
+
+    @abstractmethod
+    def prefers_upwind(self, reflectance: Reflectance) -> bool:
+        """Whether ``scheme="auto"`` is the upwind scheme for a material in this light."""
+
+    @abstractmethod
+    def brightness(
+        self, log_depth: ArrayLike, p: ArrayLike, q: ArrayLike, x: ArrayLike, y: ArrayLike, reflectance: Reflectance
+    ) -> Array:
+        """Brightness of a surface, in plain NumPy.
+
+        Parameters
+        ----------
+        log_depth : array_like
+            Z = ln z, with the depth in the unit of the light's own numbers.
+        p, q : array_like
+            dZ/dx and dZ/dy, in normalised image coordinates.
+        x, y : array_like
+            Normalised image coordinates; everything broadcasts.
+        reflectance : Reflectance
+
+        Returns
+        -------
+        ndarray of float64
+            Negative where the surface turns its back to the light.
+        """
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Slopes of the plane that faces the light; that of a lamp near the camera faces what the camera faces."""
+        return (0.0, 0.0)
+
+    @abstractmethod
+    def toward(self, depth: Array, x: Array, y: Array) -> Array:
+        """Vectors to the light, of any length, in the camera's axes, from points at a depth on rays (x, y, 1).
+
+        The last axis has the three coordinates; what comes before it broadcasts with the points.
+        """
+
+    @property
+    def of_unit_gain(self) -> Light:
+        """The same light with a gain of 1, if it has any: brightness on another scale, see :meth:`scaled`."""
+        return self
+
+    def in_unit(self, unit: float) -> Light:
+        """The same light where depths are counted in another unit."""
+        return self
+
+    def scaled(self, brightness: Array, log_depth: float) -> Array:
+        """The brightness under the light, from that under one of gain 1 of a surface nearer by a factor.
+
+        Parameters
+        ----------
+        brightness : ndarray of float64
+        log_depth : float
+            Logarithm of the factor.
+
+        Raises
+        ------
+        InputError
+            When it is beyond double precision.
+        """
+        return brightness
+
+
+@dataclass(frozen=True)
+class Model(ABC):
+    """The Hamiltonian of a material in a light, and what a scheme must know to begin and to end with it.
+
+    Attributes
+    ----------
+    light : Light
     reflectance : Reflectance
     kernels : tuple of str
-        Kernel files that hold the Hamiltonian, in the order in which they are composed. Of a lamp beside the camera
-        that of one at the camera, but for the upwind scheme: see :mod:`persfs_cl.solver.rounds`.
+        Kernel files that hold the Hamiltonian, in the order in which they are composed.
+    upwind : tuple of str
+        Those of the upwind scheme for it, after them; empty where it has none.
+    in_rounds : bool
+        Whether the equation has not all of the light: the image is corrected by what the surface found says of the rest
+        and solved again, see :mod:`persfs_cl.solver.rounds`.
     """
 
     light: Light
     reflectance: Reflectance
     kernels: tuple[str, ...]
+    upwind: tuple[str, ...] = ()
+    in_rounds: bool = False
 
-    @classmethod
-    def of(cls, light: Light, reflectance: Reflectance) -> Model:
-        """The model of a light and a material.
+    def in_unit(self, unit: float) -> Self:
+        """The same where depths are counted in another unit."""
+        return replace(self, light=self.light.in_unit(unit))
 
-        Raises
-        ------
-        InputError
-            When there is none for them.
-        """
-        if not isinstance(reflectance, (Lambertian, OrenNayar, Phong)):
-            raise InputError(
-                f"reflectance={brief(reflectance)} is no known material: give Lambertian(), OrenNayar(...) or "
-                "Phong(...)."
-            )
-        if isinstance(light, ParallelLight):
-            if isinstance(reflectance, Lambertian):
-                return cls(light, reflectance, ("light_cone", "parallel_light"))
-            return cls(light, reflectance, ("elementary", _MATERIAL_KERNELS[type(reflectance)], "parallel_material"))
-        if not isinstance(light, FlashLight):
-            raise InputError(f"light={brief(light)} is no known light: give a ParallelLight or a FlashLight.")
-        if not (light.coaxial or light.falloff):
-            raise InputError(
-                f"light={light!r} has no scheme here: a lamp without fall-off must be at the camera. Leave its "
-                "place out, or photograph with fall-off."
-            )
-        if not light.falloff and not reflectance.monotone:
-            raise InputError(
-                f"reflectance={reflectance!r} under a flash without fall-off: this material is not brightest face on, "
-                "so that a brightness belongs to two angles. Give a flash with fall-off, or another material."
-            )
-        material = _MATERIAL_KERNELS[type(reflectance)]
-        return cls(light, reflectance, ("elementary", material, "flash_light" if light.falloff else "headlight"))
-
-    @property
-    def falls_off(self) -> bool:
-        """Whether the light fades with distance, so that the image alone determines the depth."""
-        return isinstance(self.light, FlashLight) and self.light.falloff
-
-    @property
-    def at_camera(self) -> bool:
-        """Whether the light comes from the camera, so that only the angle between surface and ray shades."""
-        return isinstance(self.light, FlashLight)
-
-    @property
-    def flash(self) -> FlashLight:
-        """The light, where it is a flash.
-
-        Raises
-        ------
-        TypeError
-            When it is not.
-        """
-        if not isinstance(self.light, FlashLight):
-            raise TypeError(f"{self.light!r} is no flash")
-        return self.light
-
-    @property
-    def of_unit_gain(self) -> Model:
-        """The same with a gain of 1, where there is one, for the device: single precision may not reach another."""
-        return replace(self, light=replace(self.light, gain=1.0)) if isinstance(self.light, FlashLight) else self
-
-    @property
-    def beside_camera(self) -> bool:
-        """Whether the light is a lamp somewhere beside the camera."""
-        return isinstance(self.light, FlashLight) and not self.light.coaxial
-
-    def brightest(self, grid: PixelGrid) -> float:
-        """The largest value that an image may have; infinite where it depends on the depth."""
-        if isinstance(self.light, FlashLight):
-            return np.inf if self.light.falloff else self.light.gain * self.reflectance.brightest
-        return 1.0 if isinstance(self.reflectance, Lambertian) else self._survey(grid)[1]
-
-    def facing(self, image: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Cosine of the angle between surface and ray, from the brightness under a flash without fall-off.
-
-        What is darker than the material at grazing gets 0, and what rounding leaves beyond the brightest value 1. Found
-        by interpolation between so many angles that what is lost is less than single precision can tell.
-        """
-        returned = image / self.flash.gain
-        if isinstance(self.reflectance, Lambertian):
-            return np.minimum(returned, 1.0)
-        cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
-        return np.interp(returned, self.reflectance.coaxial(cosines), cosines)
-
-    def scheme(self, chosen: Scheme) -> Scheme:
-        """The scheme's name, "auto" resolved: the paper's under a parallel light, upwind under a flash.
-
-        Raises
-        ------
-        InputError
-            When the material is not for the upwind scheme, which wants a convex set of gradients.
-        """
-        upwind = self.at_camera and self.reflectance.monotone
-        resolved = ("upwind" if upwind else "lax-friedrichs") if chosen == "auto" else chosen
-        if resolved == "upwind" and not self.reflectance.monotone:
-            raise InputError(
-                f"scheme='upwind' with reflectance={self.reflectance!r}: this material is not brightest face on, so "
-                "that a brightness belongs to two angles. Use scheme='lax-friedrichs'."
-            )
-        if resolved == "upwind" and not (self.at_camera or isinstance(self.reflectance, Lambertian)):
-            raise InputError(
-                f"scheme='upwind' with reflectance={self.reflectance!r} under a parallel light: this scheme is for "
-                "perfectly matt materials there. Use scheme='lax-friedrichs'."
-            )
-        return resolved
-
-    def kernels_with(self, scheme: str) -> tuple[str, ...]:
-        """Kernel files of the model and of a scheme by its resolved name."""
-        if scheme == "lax-friedrichs":
-            return (*self.kernels, "lax_friedrichs")
-        if not self.falls_off:
-            return (*self.kernels, "climb", "upwind")
-        if not self.beside_camera:
-            return (*self.kernels, "steepness", "upwind_flash")
-        elementary, material, _ = self.kernels
-        return (elementary, material, "steepness", "light_cone", "lamp_beside", "climb", "upwind_beside")
+    @abstractmethod
+    def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
+        """Numbers of light and material by the names that the kernels have for them; Z = 0 is the depth `unit`."""
 
     def parameters(
-        self,
-        grid: PixelGrid,
-        *,
-        scheme: str = "lax-friedrichs",
-        sign: float = 1.0,
-        max_slope: float = 1.0,
-        unit: float = 1.0,
+        self, grid: PixelGrid, *, sign: float = 1.0, max_slope: float = 1.0, unit: float = 1.0
     ) -> dict[str, float]:
-        """Numbers of one image by the names that the kernels have for them; Z = 0 is `unit`."""
-        common = {
+        """All numbers of one image, see :mod:`persfs_cl._cl.parameters`; of a surface that leaves by `sign`."""
+        return {
             "half_inverse_dx": 0.5 / grid.dx,
             "half_inverse_dy": 0.5 / grid.dy,
             "step_x": max_slope * grid.dx,
             "step_y": max_slope * grid.dy,
             "steepest": max_slope,
             "sign": sign,
+            **self.numbers(grid, unit),
         }
-        if isinstance(self.light, ParallelLight):
-            numbers = {**common, "p0": self.light.p0, "q0": self.light.q0, "inverse_norm": 1.0 / self.light.norm}
-            if isinstance(self.reflectance, Lambertian):
-                return numbers
-            return {**numbers, "steepness": self.steepness(grid), **_material_numbers(self.reflectance)}
-        material = _material_numbers(self.reflectance)
-        if not self.light.falloff:
-            return {**common, "gain": self.light.gain, **material}
-        if scheme == "upwind" and self.beside_camera:
-            lamp = (f"lamp_{axis}" for axis in "xyz")
-            return {
-                **common,
-                **{name: place / unit for name, place in zip(lamp, self.light.offset, strict=True)},
-                **material,
-            }
-        return {**common, "gain": self.light.gain, "steepest_log": self.reflectance.steepest_log, **material}
 
-    def between(self, grid: PixelGrid) -> NDArray[np.float64]:
-        """Cosine of the angle between the rays and a parallel light, shape (height, width)."""
-        p0, q0, norm = self.light.p0, self.light.q0, self.light.norm  # type: ignore[union-attr] # it is parallel
-        return np.asarray((1.0 + grid.x * p0 + grid.y * q0) / (norm * np.sqrt(1.0 + grid.x**2 + grid.y**2)))
-
-    def steepness(self, grid: PixelGrid) -> float:
-        """How steeply the brightness falls at most over the normals, under a parallel light; 0 where no scheme asks."""
-        if isinstance(self.light, FlashLight) or isinstance(self.reflectance, Lambertian):
-            return 0.0
-        return self._survey(grid)[0]
-
-    def _survey(self, grid: PixelGrid) -> tuple[float, float]:
-        """What :func:`_survey` finds, over all rays of an image."""
-        between = self.between(grid)
-        cosines = np.linspace(between.min(), between.max(), 5)
-        found = np.array([_survey(self.reflectance, float(cosine)) for cosine in cosines])
-        return float(found[:, 0].max()), float(found[:, 1].max())
-
-    def axes(self, grid: PixelGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def axes(self, grid: PixelGrid) -> tuple[Array, Array]:
         """Numbers of the columns and of the rows, shapes (3, width) and (3, height).
 
-        Coordinate x, sqrt(1 + x²) / (2 dx) and, for a parallel light, |x - p0| / (2 k dx); likewise for y.
+        Coordinate x, sqrt(1 + x²) / (2 dx) and the part of the viscosity that the material plays no part in, over 2 dx;
+        likewise for y.
         """
-        light = self.light
-        slopes, norm = ((light.p0, light.q0), light.norm) if isinstance(light, ParallelLight) else ((0.0, 0.0), np.inf)
         tables = []
-        for coordinate, spacing, slope in zip((grid.x, grid.y[:, 0]), (grid.dx, grid.dy), slopes, strict=True):
-            root, offset = np.sqrt(1.0 + coordinate**2), np.abs(coordinate - slope) / norm
+        for coordinate, spacing, along_y in ((grid.x, grid.dx, 0), (grid.y[:, 0], grid.dy, 1)):
+            root, offset = np.sqrt(1.0 + coordinate**2), self.constant_viscosity(coordinate, along_y=along_y)
             tables.append(np.stack([coordinate, root / (2.0 * spacing), offset / (2.0 * spacing)]))
         return tables[0], tables[1]
 
+    def constant_viscosity(self, coordinate: Array, *, along_y: int) -> Array:
+        """What |∂H/∂p| may be, at most, beside the part that goes with the brightness; of q `along_y`."""
+        return np.zeros_like(coordinate)
 
-@lru_cache(maxsize=64)
-def _survey(reflectance: Reflectance, between: float) -> tuple[float, float]:
-    """Upper bounds of cos θr |dR/dN| across the ray, and of the brightness R, over all unit normals N seen and lit.
+    @abstractmethod
+    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+        """The same Hamiltonian in plain NumPy at some pixels of an image, for the reference."""
 
-    `between` is the cosine between light and ray. In axes along the ray e, with R_i and R_r the derivatives of R by the
-    two cosines, dR/dN = R_i (l - N cos θi) + R_r (e - N cos θr). The normals are taken in circles around the direction
-    half way between light and ray, which lie the closer the smaller they are: highlights are there.
-    """
-    half = 0.5 * np.arccos(np.clip(between, -1.0, 1.0))
-    radius, turn = np.geomspace(1e-4, np.pi, 400)[:, None], np.linspace(0.0, np.pi, 65)
-    along, beside = np.cos(radius) + 0.0 * turn, np.sin(radius) * np.cos(turn)
-    normal_x = np.cos(half) * beside + np.sin(half) * along
-    normal_y = np.sin(radius) * np.sin(turn)
-    seen = np.cos(half) * along - np.sin(half) * beside
-    lit = seen * np.cos(2.0 * half) + normal_x * np.sin(2.0 * half)
-    step = 1e-6
-    used = (seen > 2.0 * step) & (lit > 2.0 * step)
-    lit, seen, normal_x, normal_y = lit[used], seen[used], normal_x[used], normal_y[used]
-    by_lit, by_seen = (
-        (reflectance.shade(lit + a, seen + b, between) - reflectance.shade(lit - a, seen - b, between)) / (2.0 * step)
-        for a, b in ((step, 0.0), (0.0, step))
-    )
-    slope_x = by_lit * (np.sin(2.0 * half) - lit * normal_x) - by_seen * seen * normal_x
-    slope_y = -(by_lit * lit + by_seen * seen) * normal_y
-    steepest, brightest = seen * np.hypot(slope_x, slope_y), reflectance.shade(lit, seen, between)
-    return _MARGIN * float(steepest.max()), _SMALL_MARGIN * float(brightest.max())
+    # What a scheme begins with.
+
+    @abstractmethod
+    def brightest(self, grid: PixelGrid) -> float:
+        """The largest value that an image may have; infinite where it depends on the depth."""
+
+    @abstractmethod
+    def too_bright(self, most: float) -> str:
+        """What is wrong with an image that is brighter than that, or negative, and the remedy."""
+
+    def offset(self, grid: PixelGrid) -> Array:
+        """What the unknown has more than Z = ln z: a number of the pixel, shape (height, width)."""
+        return np.broadcast_to(0.0, (grid.y.size, grid.x.size))
+
+    def level_slopes(self, x: Array, y: Array) -> tuple[Array | float, Array | float]:
+        """Gradient of Z where the unknown is level: that of minus the offset."""
+        return 0.0, 0.0
+
+    def shading(self, image: Array) -> Array:
+        """What the kernels read in place of the image, where the depth is known somewhere."""
+        return image
+
+    def check_scale(self, image: Array, solved: Mask, grid: PixelGrid) -> None:
+        """InputError when image and light put the surface where numbers end, where the image tells the depth."""
+        return
+
+    def start(self, image: Array, solved: Mask, grid: PixelGrid) -> tuple[Array, Array, float]:
+        """Where the image tells the depth: what the kernels read, the values to begin with, less a level, and that.
+
+        Black pixels would lie at infinity; they are given a little light.
+        """
+        raise TypeError(f"{self.light!r} does not tell how far away things are")
+
+    # What a scheme ends with.
+
+    @abstractmethod
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
+        """Pixels to solve where the equation gives no bound to the slope."""
+
+    def nearest_depth(self, x: Array, y: Array) -> Array | float:
+        """Depth at which the equation ends, of rays (x, y, 1); 0 where it has no end."""
+        return 0.0
+
+    def brightness_of_equation(self, log_depth: Array, p: Array, q: Array, x: Array, y: Array) -> tuple[Array, Array]:
+        """Brightness of a surface by the equation, and by the light as it is, up to the same factor."""
+        given = self.light.brightness(log_depth, p, q, x, y, self.reflectance)
+        return given, given
 
 
-def _material_numbers(reflectance: Reflectance) -> dict[str, float]:
-    if isinstance(reflectance, OrenNayar):
-        return {"direct": reflectance.direct, "rim": reflectance.rim}
-    if isinstance(reflectance, Phong):
-        return {name: getattr(reflectance, name) for name in ("diffuse", "specular", "shininess")}
-    return {}
+def largest(brightness: Array, solved: Mask) -> float:
+    """The largest value of the pixels to solve; the others may hold anything."""
+    return float(brightness.max(where=solved, initial=0.0))

@@ -1,21 +1,24 @@
-"""A lamp beside the camera, as far as the equation that is solved does not have it: rounds of corrected photographs.
+"""What the equation that is solved has not of the light: rounds of corrected images.
 
-The upwind scheme has the lamp at its place, and a material that shades by the angle to the lamp alone, as a Lambertian
-one does. The Lax-Friedrichs scheme has the lamp at the camera.
+The upwind scheme has a lamp off the axis at its place, and a material that shades by the angle to the lamp alone, as a
+Lambertian one does. The Lax-Friedrichs scheme has the lamp at the camera. What is missing is found from the surface, by
+which the image is corrected and solved again, until the surface stays.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.shading.material import Lambertian
-from persfs_cl.shading.model import Model
-from persfs_cl.solver.problem import Problem, nearest_depth
-from persfs_cl.solver.reference import brightness
+from persfs_cl._cl.device import Device
+from persfs_cl.checks import warn
+from persfs_cl.solver.iterate import Run, Surface, Watch
+from persfs_cl.solver.options import Options
+from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
+from persfs_cl.surface.solution import Status
 
 Array = NDArray[np.float64]
 
@@ -26,8 +29,8 @@ SETTLED, LOST = 3e-5, 1e-3
 """Mean |ΔZ| between two runs below which no further one is worth it, and above which the last is not to be trusted."""
 
 _DIMMEST = 0.1
-"""Where the lamp beside the camera gives less than this share of what the equation has, the share is not used: the
-surface turns its back to the lamp, or nearly."""
+"""Where the light gives less than this share of what the equation has, the share is not used: the surface turns its
+back to the lamp, or nearly."""
 
 _DARKEST = 1e-9
 _SMOOTHINGS = 16
@@ -35,44 +38,88 @@ _SMOOTHINGS = 16
 the surface faces the camera these would come back larger from every round."""
 
 
-def in_rounds(model: Model, scheme: str) -> bool:
-    """Whether the equation of a resolved scheme has not all of a lamp beside the camera."""
-    return model.beside_camera and not (scheme == "upwind" and isinstance(model.reflectance, Lambertian))
+def solve_corrected(
+    device: Device,
+    problems: Sequence[Problem],
+    surfaces: list[Surface],
+    run: Run,
+    options: Options,
+    watch: Watch | None,
+) -> list[int]:
+    """Correct the images by the surfaces that a run found, and solve again, until that changes little.
+
+    `surfaces` becomes that of the last rounds; `run` gets the statuses of an image's last round, and the changes of all
+    rounds.
+
+    Returns
+    -------
+    rounds : list of int
+        Runs of each image, the first included.
+
+    Warns
+    -----
+    UserWarning
+        When the surface does not settle, or part of it turns its back to the lamp.
+    """
+    rounds = [1] * len(problems)
+    active = list(range(len(problems)))
+    while active:
+        if watch and watch.stopped:
+            for place in active:
+                run.statuses[place] = Status.STOPPED
+            break
+        again, dim = zip(*(corrected(problems[place], surfaces[place][1]) for place in active), strict=True)
+        if watch:
+            watch.before = max(len(run.changes[place]) for place in active)
+        latest = Run.of(device, again, options, watch)
+        run.kernel_seconds += latest.kernel_seconds
+        run.build_seconds += latest.build_seconds
+        going = []
+        for number, (place, surface) in enumerate(zip(active, latest.surfaces(again), strict=True)):
+            rounds[place] += 1
+            run.statuses[place] = latest.statuses[number]
+            run.changes[place] += latest.changes[number]
+            change = float(np.nanmean(np.abs(surface[0] - surfaces[place][0])))
+            surfaces[place] = surface
+            if change > SETTLED and rounds[place] < ROUNDS:
+                going.append(place)
+                continue
+            if change > LOST:
+                if run.statuses[place] is Status.CONVERGED:
+                    run.statuses[place] = Status.MAX_ITERATIONS
+                warn(
+                    f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
+                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it."
+                )
+            if shaded := int(dim[number].sum()):
+                warn(f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.")
+        active = going
+    if watch:
+        watch.before = 0
+    return rounds
 
 
-def too_near(problem: Problem, depth: Array) -> NDArray[np.bool_]:
-    """Solved pixels at the nearest depth that the equation of a lamp beside the camera has."""
-    if not (problem.model.beside_camera and problem.scheme == "upwind"):
-        return np.zeros(depth.shape, bool)
-    return problem.domain.solved & (depth <= 1.001 * nearest_depth(problem.model.flash, problem.grid.x, problem.grid.y))
-
-
-def as_solved(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_]]:
-    """Give the equation the photograph that belongs to it, as far as a surface tells.
+def corrected(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_]]:
+    """Give the equation the image that belongs to it, as far as a surface tells.
 
     Parameters
     ----------
     problem : Problem
-        Under a flash with fall-off beside the camera.
+        Of a model whose equation has not all of the light.
     depth : ndarray of float64, shape (height, width)
         What the surface is thought to be; NaN where it is not known.
 
     Returns
     -------
     problem : Problem
-        The same with another photograph.
+        The same with another image.
     dim : ndarray of bool, shape (height, width)
-        Pixels that the lamp hardly reaches, where the photograph tells little.
+        Pixels that the lamp hardly reaches, where the image tells little.
     """
-    grid, model, lamp = problem.grid, problem.model, problem.model.flash
-    surface = (np.log(depth), *log_depth_gradient(depth, problem.camera), grid.x, grid.y)
-    if problem.scheme == "upwind":
-        # The distance to the lamp is the same in both.
-        lamp = replace(lamp, falloff=False, gain=1.0)
-        had = model.reflectance.coaxial(brightness(*surface, lamp, Lambertian()))
-    else:
-        had = brightness(*surface, replace(lamp, offset=(0.0, 0.0, 0.0)), model.reflectance)
-    given = brightness(*surface, lamp, model.reflectance)
+    grid = problem.grid
+    had, given = problem.model.brightness_of_equation(
+        np.log(depth), *log_depth_gradient(depth, problem.camera), grid.x, grid.y
+    )
     there = np.isfinite(depth)
     dim = there & ~(given >= _DIMMEST * had)
     # Neither is above 0 where the surface is turned away.
@@ -80,7 +127,7 @@ def as_solved(problem: Problem, depth: Array) -> tuple[Problem, NDArray[np.bool_
     logarithm = np.log(had / np.where(there, np.clip(given, _DIMMEST * had, had / _DIMMEST), 1.0))
     weight = _smoothed(there.astype(np.float64))
     share = np.exp(np.divide(_smoothed(logarithm), weight, out=np.zeros_like(weight), where=there))
-    return problem.relit(problem.image * share), dim
+    return problem.corrected(problem.image * share), dim
 
 
 def _smoothed(values: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.blocks import row_blocks
-from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -71,7 +71,7 @@ def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
     cosine : array_like
         cos θ, NaN where there is no surface. What is turned away from the light counts as grazing.
     reflectance : Reflectance
-        As seen from the light: c(θ) is :meth:`Reflectance.coaxial <persfs_cl.shading.material.Reflectance.coaxial>`.
+        As seen from the light: c(θ) is :meth:`Reflectance.coaxial <persfs_cl.shading.reflectance.Reflectance.coaxial>`.
         For a Lambertian surface this is no restriction.
 
     Returns

@@ -16,15 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import as_array, as_floats
+from persfs_cl.depths import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
 
 Array = NDArray[np.float64]
-
-NEAREST, FARTHEST = 1e-30, 1e30
-"""Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -17,15 +15,14 @@ from persfs_cl.checks import as_floats, as_mask, brief
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
-from persfs_cl.shading.light import FlashLight, Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, Reflectance
-from persfs_cl.shading.model import Model
-from persfs_cl.solver import reference
-from persfs_cl.solver.problem import require_albedo
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.light import require_light
+from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.inputs import require_albedo
 from persfs_cl.surface.geometry import Cuts, depth_array, log_depth_gradient
-
-_MOST_POWER = 300.0
-"""Of ten, in a brightness: beyond, double precision ends."""
 
 
 def render(
@@ -78,7 +75,7 @@ def render(
     -----
     Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
     """
-    model = Model.of(light, reflectance)
+    model = require_light(light).model(require_reflectance(reflectance))
     require_camera(camera)
     if not isinstance(precision, str) or precision not in get_args(Precision):
         raise InputError(f"precision={brief(precision)} is not a choice: use one of {', '.join(get_args(Precision))}.")
@@ -97,14 +94,14 @@ def render(
     shape = values.shape[0], values.shape[1]
     grid = camera.grid(shape)
     camera.warn_if_off_image(shape)
-    if isinstance(light, FlashLight) and not light.coaxial:
+    if light.off_axis:
         # Not a kernel: done once an image, in double precision, by the formula that reconstruct() itself uses.
         p, q = log_depth_gradient(values, camera, cuts)
         with np.errstate(divide="ignore", invalid="ignore"):
-            lit = reference.brightness(np.log(values), p, q, grid.x, grid.y, replace(light, gain=1.0), reflectance)
+            lit = light.of_unit_gain.brightness(np.log(values), p, q, grid.x, grid.y, reflectance)
         if within := int(np.count_nonzero(~np.isfinite(lit) & present)):
             raise InputError(f"light={light!r} lies on the surface, at {within} pixels of the depth: move it away.")
-        return _with_gain(lit if reflecting is None else lit * reflecting, light, 0.0)
+        return light.scaled(lit if reflecting is None else lit * reflecting, 0.0)
     log_depth = np.log(np.where(present, values, 1.0))
     # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.
     level = float(np.median(log_depth[present]))
@@ -121,25 +118,11 @@ def render(
         precision,
         log_depth,
         flags,
-        model.of_unit_gain.parameters(grid),
+        model.parameters(grid),
         grid.x,
         grid.y[:, 0],
     )
     brightness: NDArray[np.float64] = image.astype(np.float64)
     if reflecting is not None:
         brightness *= reflecting
-    return _with_gain(brightness, light, -2.0 * level if model.falls_off else 0.0)
-
-
-def _with_gain(brightness: NDArray[np.float64], light: Light, log_scale: float) -> NDArray[np.float64]:
-    """The brightness under a flash of gain 1, or a parallel light, on the scale of the light's own and of a factor."""
-    if not isinstance(light, FlashLight):
-        return brightness
-    largest = float(np.nanmax(np.abs(brightness)))
-    power = (math.log(light.gain) + log_scale + math.log(largest)) / math.log(10.0) if largest > 0.0 else 0.0
-    if not abs(power) < _MOST_POWER:
-        raise InputError(
-            f"light={light!r} makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, or "
-            "the depth in that of the gain."
-        )
-    return brightness * math.exp(log_scale) * light.gain
+    return light.scaled(brightness, level)

@@ -21,8 +21,8 @@ from persfs_cl.checks import as_array, as_floats, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io import photos as images
 from persfs_cl.io.files import FilePath, as_path, atomic_path, filling, json_text
-from persfs_cl.shading.light import Light, ParallelLight
-from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface import render as forward
@@ -160,7 +160,7 @@ class Solution:
     @property
     def white(self) -> float:
         """Brightness that is drawn white and counts 255 grey levels: 1, or under a flash the image's brightest."""
-        if isinstance(self.light, ParallelLight):
+        if self.light.normalised:
             return 1.0
         used = self.solved if self.walls is None else self.solved & ~self.walls
         # Of known pixels the brightness may be anything, or black where a run was ended early.
@@ -241,11 +241,7 @@ class Solution:
         cosine = np.empty(self.depth.shape)
         for rows in row_blocks(self.depth.shape):
             z = self.depth[rows]
-            if isinstance(self.light, ParallelLight):
-                to_light = np.array([-self.light.p0, -self.light.q0, -1.0])
-            else:
-                x, y, forward = self.light.offset
-                to_light = np.stack([x - z * grid.x, y - z * grid.y[rows], forward - z], axis=-1)
+            to_light = self.light.toward(z, grid.x, grid.y[rows])
             along = (normals[rows] * to_light).sum(axis=-1)
             np.divide(along, np.linalg.norm(to_light, axis=-1), out=cosine[rows])
         own = {"unreached": self.unreached, "clamped": self.clamped}
@@ -295,7 +291,7 @@ class Solution:
                 "focal_length": [self.camera.fx, self.camera.fy],
                 "principal_point": list(self.camera.centre((height, width))),
                 "light": {"kind": type(self.light).__name__, **asdict(self.light)},
-                "reflectance": {"kind": type(self.reflectance).__name__, **asdict(self.reflectance)},  # type: ignore[call-overload]
+                "reflectance": {"kind": type(self.reflectance).__name__, **asdict(self.reflectance)},
                 **self.parameters,
             },
             "device": {
@@ -367,8 +363,7 @@ class Solution:
 
     @property
     def _unit(self) -> str:
-        known = isinstance(self.light, ParallelLight) or not self.light.falloff
-        return pictures.UNIT if known else "units of the light's gain"
+        return "units of the light's gain" if self.light.determines_depth else pictures.UNIT
 
     def _write(
         self,

@@ -23,8 +23,7 @@ from persfs_cl._cl.program import kernel, program
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.selection import select_device
 from persfs_cl._cl.tuning import Tuning
-from persfs_cl.shading.light import Light
-from persfs_cl.shading.model import Model
+from persfs_cl.shading.model import Light
 
 
 def handle(
@@ -213,7 +212,7 @@ def test_a_missing_kernel_file_says_to_reinstall() -> None:
 
 def fields(light: Light) -> list[str]:
     """Of the parameters of a Lambertian surface under the light, for the upwind scheme."""
-    return list(Model.of(light, ps.Lambertian()).parameters(ps.Camera(10.0).grid((4, 4)), scheme="upwind"))
+    return list(light.upwind_model(ps.Lambertian()).parameters(ps.Camera(10.0).grid((4, 4))))
 
 
 def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> None:

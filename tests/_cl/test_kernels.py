@@ -16,9 +16,12 @@ from persfs_cl._cl import launches
 from persfs_cl._cl.launches import DIRECTIONS, Sweeper
 from persfs_cl._cl.program import kernel_names, kernel_source
 from persfs_cl._cl.tuning import Tuning
+from persfs_cl.choices import Boundary, Surface
+from persfs_cl.shading.equations import ParallelEquation
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.reference import ParallelEquation, Reference
+from persfs_cl.solver.reference import Reference
 
+BOUNDARIES: tuple[Boundary, ...] = ("outflow", "wall", "extrapolate")
 SIZES = [(3, 3), (3, 4), (1, 9), (9, 1), (2, 2), (7, 5), (13, 31), (31, 33), (32, 64), (37, 129), (70, 65)]
 TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
 SETUPS = LAX_FRIEDRICHS | UPWIND
@@ -121,7 +124,7 @@ def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None
 @pytest.mark.parametrize("boundary", ["outflow", "extrapolate"])
 @pytest.mark.parametrize("shape", [(3, 3), (3, 12), (26, 17)])
 def test_boundary_renewal_equals_the_twin(
-    device: Device, precision: str, shape: tuple[int, int], boundary: str
+    device: Device, precision: str, shape: tuple[int, int], boundary: Boundary
 ) -> None:
     problem = random_problem(11, shape, boundary=boundary, holes=0.05)
     values = np.random.default_rng(5).uniform(0.0, 1.0, shape)
@@ -168,10 +171,10 @@ def assert_same_bits(problem: Problem, device: Device, precision: str, *, linear
 @both_ways
 @pytest.mark.parametrize("shape", SIZES)
 def test_wavefront_gives_the_bits_of_lexicographic(
-    device: Device, precision: str, shape: tuple[int, int], surface: str
+    device: Device, precision: str, shape: tuple[int, int], surface: Surface
 ) -> None:
     for seed in range(3):
-        boundary = ("outflow", "wall", "extrapolate")[seed]
+        boundary = BOUNDARIES[seed]
         light = (ParallelLight(), OBLIQUE, ParallelLight(-0.5, 0.1))[seed]
         problem = random_problem(seed, shape, surface=surface, light=light, boundary=boundary)
         assert_same_bits(problem, device, precision, linear=boundary == "extrapolate")
@@ -322,7 +325,7 @@ def assert_checkerboard_gives_the_bits_of_cells(
 )
 def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuning: Tuning, name: str) -> None:
     """Each has its own mask, boundary, known values, start and end."""
-    boundary = "wall" if name in UPWIND else "outflow"
+    boundary: Boundary = "wall" if name in UPWIND else "outflow"
     problems = [
         random_problem(seed, (45, 38), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
     ]
@@ -332,7 +335,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, tuni
         shared = Sweeper(
             device,
             [problem.numbers for problem in members],
-            model=members[0].model.kernels_with(members[0].scheme),
+            model=members[0].kernels,
             ordering=ordering,
             precision="float32",
             tolerance=1e-3,
@@ -435,7 +438,7 @@ def test_work_left_undone_is_an_error(device: Device, tuning: Tuning) -> None:
     ("boundary", "name"),
     [*[(boundary, "frontal away") for boundary in ("outflow", "extrapolate")], *[("wall", name) for name in SETUPS]],
 )
-def test_values_never_rise(device: Device, precision: str, ordering: str, boundary: str, name: str) -> None:
+def test_values_never_rise(device: Device, precision: str, ordering: str, boundary: Boundary, name: str) -> None:
     problem = random_problem(4, (33, 47), boundary=boundary, **SETUPS[name])
     kernel = sweeper(problem, device, precision, ordering, linear=boundary == "extrapolate")
     before = kernel.log_depth()[0]

@@ -27,8 +27,9 @@ from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.bench.solutions import FAST_MARCHING
 from persfs_cl.bench.subjects import Subject
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
+from persfs_cl.choices import Surface
 from persfs_cl.errors import UnavailableError
-from persfs_cl.shading.model import Model
+from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 
@@ -111,21 +112,21 @@ def test_factors_are_taken_round_by_round(device: ps.Device, monkeypatch: pytest
     assert (first.images, second.images) == (2, 1)
 
 
-def framed_problem(seed: int, shape: tuple[int, int], surface: str) -> Problem:
+def framed_problem(seed: int, shape: tuple[int, int], surface: Surface) -> Problem:
     """Noise with a known frame and known values inside."""
     random = np.random.default_rng(seed)
     known = np.where(random.uniform(size=shape) > 0.9, random.uniform(0.8, 1.2), np.nan)
     known[[0, -1]] = known[:, [0, -1]] = 1.0
     known[1, 1] = np.nan
     image, camera, light = random.uniform(0.2, 1.0, shape), ps.Camera(shape[1] + 7.0), ps.ParallelLight(0.3, -0.2)
-    model = Model.of(light, ps.Lambertian())
-    return prepare(image, camera, None, None, known, model, "lax-friedrichs", surface, "fixed", 30.0)
+    options = complete({"light": light, "scheme": "lax-friedrichs", "surface": surface, "boundary": "fixed"})
+    return prepare(image, camera, None, None, known, options=options)
 
 
 @pytest.mark.parametrize("make", [peers.plain_c, peers.numba_loop])
 @pytest.mark.parametrize("surface", ["away", "toward"])
 def test_yardsticks_do_the_lexicographic_sweep(
-    device: ps.Device, precision: str, make: Callable[[Grid, str], Peer], surface: str
+    device: ps.Device, precision: str, make: Callable[[Grid, str], Peer], surface: Surface
 ) -> None:
     for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
         problem = framed_problem(seed, shape, surface)
@@ -136,7 +137,7 @@ def test_yardsticks_do_the_lexicographic_sweep(
         sweeps = Sweeper(
             device,
             [problem.numbers],
-            model=problem.model.kernels_with(problem.scheme),
+            model=problem.kernels,
             ordering="lexicographic",
             precision=precision,
         )

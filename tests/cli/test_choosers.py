@@ -9,7 +9,6 @@ from typing import Any, ClassVar, get_args
 
 import pytest
 import typer
-from persfs_cl.solver.options import described
 from typer.testing import CliRunner, Result
 
 import persfs_cl as ps
@@ -19,6 +18,7 @@ from persfs_cl.cli.options import chosen_keywords
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.shading.light import LIGHTS
 from persfs_cl.shading.material import MATERIALS
+from persfs_cl.solver.options import described
 
 
 @dataclass(frozen=True)

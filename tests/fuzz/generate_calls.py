@@ -17,7 +17,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 import persfs_cl as ps
-from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[Any]
 

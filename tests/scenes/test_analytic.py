@@ -9,9 +9,14 @@ from numpy.typing import NDArray
 
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.scenes.analytic import Scene, bump, bumps, hillside, sphere_cap, vase
-from persfs_cl.shading.light import FlashLight, Light, ParallelLight
-from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
-from persfs_cl.solver.reference import brightness, reflectance_map
+from persfs_cl.shading.flash_light import FlashLight
+from persfs_cl.shading.forward import reflectance_map
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.oren_nayar import OrenNayar
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.phong import Phong
+from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[np.float64]
 MakeScene = Callable[..., Scene]
@@ -97,7 +102,7 @@ def test_vase_is_equation_13(surface: Any, known: Any) -> None:
 def test_vase_is_a_hollow_with_self_shadow_and_cut_by_the_frame() -> None:
     scene = vase(bits=None)
     grid = scene.camera.grid((100, 100))
-    unclipped = reflectance_map(*scene.log_depth_gradient, grid.x, grid.y, FRONTAL)
+    unclipped = reflectance_map(*scene.log_depth_gradient, grid.x, grid.y, FRONTAL, Lambertian())
     assert unclipped.min() < 0
     np.testing.assert_array_equal(scene.image, np.maximum(unclipped, 0))
     assert scene.mask[0].any()
@@ -141,7 +146,7 @@ def test_slopes_and_image_are_those_of_the_surface(make: MakeScene, surface: Any
 def test_image_is_the_quantised_reflectance_map(make: MakeScene, surface: Any, light: ParallelLight) -> None:
     exact = make((40, 50), surface=surface, light=light, bits=None)
     grid = exact.camera.grid((40, 50))
-    reflectance = reflectance_map(*exact.log_depth_gradient, grid.x, grid.y, light)
+    reflectance = reflectance_map(*exact.log_depth_gradient, grid.x, grid.y, light, Lambertian())
     np.testing.assert_array_equal(exact.image, np.clip(reflectance, 0, 1))
     levels = make((40, 50), surface=surface, light=light, bits=3).image * 7
     np.testing.assert_allclose(levels, np.round(levels), atol=1e-12)
@@ -387,12 +392,12 @@ def test_flash_on_a_plane_that_faces_the_camera() -> None:
     x, y = np.linspace(-0.6, 0.5, 7), np.linspace(-0.3, 0.4, 5)[:, None]
     ray = np.sqrt(1 + x**2 + y**2)
     log_depth = np.full((5, 7), np.log(2.5))
-    image = brightness(log_depth, 0.0, 0.0, x, y, FlashLight(gain=8.0), Lambertian())
+    image = FlashLight(gain=8.0).brightness(log_depth, 0.0, 0.0, x, y, Lambertian())
     np.testing.assert_allclose(image, 8.0 / ray / (2.5 * ray) ** 2, rtol=1e-14)
-    unfading = brightness(log_depth, 0.0, 0.0, x, y, FlashLight(falloff=False, gain=8.0), Lambertian())
+    unfading = FlashLight(falloff=False, gain=8.0).brightness(log_depth, 0.0, 0.0, x, y, Lambertian())
     np.testing.assert_allclose(np.broadcast_to(unfading, (5, 7)), 8.0 / ray, rtol=1e-14)
     # The same plane lit from (0.3, -0.2, 1), in the plane z = 1, which is 1.5 from it.
-    beside = brightness(log_depth, 0.0, 0.0, x, y, FlashLight(gain=8.0, offset=(0.3, -0.2, 1.0)), Lambertian())
+    beside = FlashLight(gain=8.0, offset=(0.3, -0.2, 1.0)).brightness(log_depth, 0.0, 0.0, x, y, Lambertian())
     squared = 1.5**2 + (2.5 * x - 0.3) ** 2 + (2.5 * y + 0.2) ** 2
     np.testing.assert_allclose(beside, 8.0 * 1.5 / squared**1.5, rtol=1e-14)
 
@@ -400,7 +405,7 @@ def test_flash_on_a_plane_that_faces_the_camera() -> None:
 def hillside_under(light: Light, reflectance: Reflectance, enlarged: float = 1.0) -> Array:
     scene = hillside((9, 12))
     grid, (p, q) = scene.camera.grid((9, 12)), scene.log_depth_gradient
-    return brightness(np.log(enlarged * scene.depth), p, q, grid.x, grid.y, light, reflectance)
+    return light.brightness(np.log(enlarged * scene.depth), p, q, grid.x, grid.y, reflectance)
 
 
 @every_material

@@ -15,8 +15,8 @@ from persfs_cl.masks import connected, rim
 from persfs_cl.scenes import meshes as scanned
 from persfs_cl.scenes.analytic import Scene
 from persfs_cl.scenes.meshes import mesh_scene, mesh_view, stanford_bunny
-from persfs_cl.shading.light import FlashLight, ParallelLight
-from persfs_cl.solver.reference import brightness
+from persfs_cl.shading.flash_light import FlashLight
+from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.surface import geometry as surface
 
 Array = NDArray[np.float64]
@@ -230,7 +230,7 @@ def test_the_stanford_bunny(turn: float) -> None:
     assert not walls[~mask].any()
 
     grid = scene.camera.grid(mask.shape)
-    shaded = brightness(np.log(scene.depth), *scene.log_depth_gradient, grid.x, grid.y, light, scene.reflectance)
+    shaded = light.brightness(np.log(scene.depth), *scene.log_depth_gradient, grid.x, grid.y, scene.reflectance)
     np.testing.assert_allclose(scene.image, np.where(mask, shaded, 0.0))
     # Away from the walls these are the slopes of any depth map.
     expected = surface.log_depth_gradient(scene.depth, scene.camera)

@@ -21,14 +21,16 @@ from typer.testing import CliRunner
 import persfs_cl as ps
 from persfs_cl._cl import device as device_room
 from persfs_cl._cl.launches import Sweeper
+from persfs_cl.choices import Surface
 from persfs_cl.cli.app import app
 from persfs_cl.selftest import checks
 from persfs_cl.selftest.cases import ORDERINGS, PRECISIONS, Case, cases
 from persfs_cl.selftest.checks import Checks
 from persfs_cl.selftest.scenes import EVEN, OBLIQUE, noise
 from persfs_cl.selftest.supervisor import examine
-from persfs_cl.shading.model import Model
-from persfs_cl.solver.reference import HeadlightEquation, MaterialEquation, Reference
+from persfs_cl.shading.equations import HeadlightEquation, MaterialEquation
+from persfs_cl.solver.reference import Reference
+from persfs_cl.solver.schemes import SCHEMES
 
 FIRST, SECOND = cases(quick=True)[:2]
 MATERIALS = [ps.OrenNayar(0.4), ps.Phong()]
@@ -139,7 +141,7 @@ def test_a_wrong_forward_model_is_found(monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.parametrize("material", MATERIALS, ids=str)
 @pytest.mark.parametrize("surface", ["away", "toward"])
-def test_the_reference_has_a_viscosity_that_bounds_the_slope(material: Any, surface: str) -> None:
+def test_the_reference_has_a_viscosity_that_bounds_the_slope(material: Any, surface: Surface) -> None:
     """Of the two equations that the kernels were not compared with otherwise."""
     for light in (OBLIQUE, EVEN):
         judge = Reference.of(noise(light, material, "lax-friedrichs", surface, "wall"))
@@ -181,7 +183,7 @@ def test_cases_cover_what_there_is_and_begin_with_what_matters(quick: bool) -> N
         return
     for precision in PRECISIONS:
         compared = {
-            Model.of(case.light_source, case.reflectance).kernels_with(case.scheme)
+            SCHEMES[case.scheme].kernels(SCHEMES[case.scheme].model(case.light_source, case.reflectance))
             for case in swept
             if case.precision == precision and case.ordering == "wavefront"
         }

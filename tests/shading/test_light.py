@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from persfs_cl.errors import InputError
-from persfs_cl.shading.light import FlashLight, ParallelLight
+from persfs_cl.shading.flash_light import FlashLight
+from persfs_cl.shading.parallel_light import ParallelLight
 
 
 def test_norm_is_the_length_of_the_light_vector() -> None:

@@ -8,7 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from persfs_cl.errors import InputError
-from persfs_cl.shading.material import Lambertian, OrenNayar, Phong, Reflectance
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.oren_nayar import OrenNayar
+from persfs_cl.shading.phong import Phong
+from persfs_cl.shading.reflectance import Reflectance
 
 Array = NDArray[np.float64]
 

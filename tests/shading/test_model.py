@@ -12,9 +12,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl.choices import Ordering, Precision, Scheme
 from persfs_cl.scenes.analytic import Scene
-from persfs_cl.shading.material import Reflectance
-from persfs_cl.shading.model import Model
-from persfs_cl.solver.reference import brightness
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.surface.geometry import log_depth_gradient
 
 EVEN_FLASH = ps.FlashLight(falloff=False, gain=2.5)
@@ -126,9 +124,9 @@ class TestFlashWithoutFalloff:
     @each_material
     def test_the_angle_is_found_from_the_brightness(self, material: Reflectance) -> None:
         cosine = np.concatenate([np.linspace(0.0, 1.0, 1001), 1.0 - np.geomspace(1e-9, 1e-3, 50)])
-        found = Model.of(EVEN_FLASH, material).facing(2.5 * material.coaxial(cosine))
+        found = EVEN_FLASH.model(material).shading(2.5 * material.coaxial(cosine))
         np.testing.assert_allclose(found, cosine, atol=1e-8)
-        darker = Model.of(EVEN_FLASH, material).facing(2.5 * material.coaxial(np.array([0.0])) - 0.01)
+        darker = EVEN_FLASH.model(material).shading(2.5 * material.coaxial(np.array([0.0])) - 0.01)
         assert (darker <= 0.0).all()
 
     @each_material
@@ -139,7 +137,7 @@ class TestFlashWithoutFalloff:
         p, q = log_depth_gradient(depth, scene.camera)
         grid = scene.camera.grid(depth.shape)
         expected = np.where(
-            np.isnan(depth), np.nan, brightness(np.log(depth), p, q, grid.x, grid.y, EVEN_FLASH, material)
+            np.isnan(depth), np.nan, EVEN_FLASH.brightness(np.log(depth), p, q, grid.x, grid.y, material)
         )
         image = ps.render(
             depth, scene.camera, light=EVEN_FLASH, reflectance=material, device=device, precision=precision
@@ -248,7 +246,7 @@ class TestMaterialsUnderAParallelLight:
         camera = ps.Camera(15.0)
         p, q = log_depth_gradient(depth, camera)
         grid = camera.grid(depth.shape)
-        expected = brightness(np.log(depth), p, q, grid.x, grid.y, light, material)
+        expected = light.brightness(np.log(depth), p, q, grid.x, grid.y, material)
         image = ps.render(depth, camera, light=light, reflectance=material, device=device, precision=precision)
         np.testing.assert_allclose(image, expected, atol=1e-4 if precision == "float32" else 1e-12)
         assert (expected > 0.3).any()
@@ -262,14 +260,14 @@ class TestMaterialsUnderAParallelLight:
         """Tightly: the scheme smears by it."""
         camera = ps.Camera(40.0)
         grid = camera.grid((31, 41))
-        steepness = Model.of(light, material).parameters(grid)["steepness"]
+        steepness = light.model(material).parameters(grid)["steepness"]
         random = np.random.default_rng(2)
         x, y = grid.x[random.integers(0, 41, 400_000)], grid.y[random.integers(0, 31, 400_000), 0]
         p, q = (np.sinh(random.uniform(-3.0, 3.0, x.size)) for _ in range(2))
         ray, step = np.sqrt(1.0 + x**2 + y**2), 1e-6
         largest = []
         for along, (a, b) in ((x, (step, 0.0)), (y, (0.0, step))):
-            before, after = (brightness(0.0, p + sign * a, q + sign * b, x, y, light, material) for sign in (-1.0, 1.0))
+            before, after = (light.brightness(0.0, p + sign * a, q + sign * b, x, y, material) for sign in (-1.0, 1.0))
             lit = (1.0 + (x - light.p0) * p + (y - light.q0) * q) > 1e-4
             slope = np.abs(after - before) / (2.0 * step)
             largest.append((slope / (ray * np.sqrt(1.0 + along**2)))[lit].max())

@@ -11,7 +11,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl.choices import Precision
 from persfs_cl.scenes.analytic import Scene
-from persfs_cl.shading.material import Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 FLASH = ps.FlashLight()
 MATERIALS = [ps.Lambertian(), ps.OrenNayar(0.4), ps.Phong()]

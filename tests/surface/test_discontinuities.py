@@ -16,8 +16,7 @@ import persfs_cl as ps
 from persfs_cl.choices import Precision
 from persfs_cl.masks import Neighbours, rim
 from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
-from persfs_cl.shading.light import Light
-from persfs_cl.solver.reference import brightness
+from persfs_cl.shading.model import Light
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.discontinuities import REACH, fill_walls
@@ -50,7 +49,7 @@ def plane(tilt: tuple[float, float, float], light: Light = FLASH) -> tuple[Array
     x, y = np.broadcast_arrays(grid.x, grid.y)
     below = 1.0 - tilt[0] * x - tilt[1] * y
     depth = tilt[2] / below
-    return depth, brightness(np.log(depth), tilt[0] / below, tilt[1] / below, x, y, light, ps.Lambertian())
+    return depth, light.brightness(np.log(depth), tilt[0] / below, tilt[1] / below, x, y, ps.Lambertian())
 
 
 def step(front: Mask, light: Light = FLASH) -> tuple[Array, Array]:
@@ -164,7 +163,7 @@ def test_the_kernel_renders_cuts_like_the_formula(light: Light, device: ps.Devic
     cuts = Cuts(random.uniform(size=(23, 30)) > 0.7, random.uniform(size=(22, 31)) > 0.7)
     p, q = surface.log_depth_gradient(depth, CAMERA, cuts)
     grid = CAMERA.grid((23, 31))
-    expected = brightness(np.log(depth), p, q, grid.x, grid.y, light, ps.Lambertian())
+    expected = light.brightness(np.log(depth), p, q, grid.x, grid.y, ps.Lambertian())
     image = ps.render(depth, CAMERA, light=light, cuts=cuts, device=device, precision=precision)
     np.testing.assert_allclose(image, expected, atol=1e-4 if precision == "float32" else 1e-12)
 

@@ -9,9 +9,8 @@ import pytest
 
 import persfs_cl as ps
 from persfs_cl.choices import Precision
-from persfs_cl.shading.light import Light
-from persfs_cl.shading.material import Reflectance
-from persfs_cl.solver.reference import brightness
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.surface.geometry import log_depth_gradient
 
 OBLIQUE = ps.ParallelLight(0.2, -0.1)
@@ -45,7 +44,7 @@ def test_kernel_equals_the_formula(
     depth[20, :] = np.nan
     p, q = log_depth_gradient(depth, scene.camera)
     grid = scene.camera.grid((37, 53))
-    expected = brightness(np.log(depth), p, q, grid.x, grid.y, light, reflectance)
+    expected = light.brightness(np.log(depth), p, q, grid.x, grid.y, reflectance)
     assert np.isnan(expected).sum() == np.isnan(depth).sum()
     image = ps.render(depth, scene.camera, light=light, reflectance=reflectance, device=device, precision=precision)
     largest = np.nanmax(expected)

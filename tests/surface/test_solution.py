@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl import blocks
 from persfs_cl.io.photos import read_depth
-from persfs_cl.shading.light import Light
-from persfs_cl.shading.material import OrenNayar, Phong
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.oren_nayar import OrenNayar
+from persfs_cl.shading.phong import Phong
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.confidence import slope_error
 
@@ -92,10 +93,10 @@ def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
 def test_slope_error_is_that_of_a_brightness_one_percent_wrong(light: Light, solution: ps.Solution) -> None:
     confidence = dataclasses.replace(solution, light=light).confidence()
     points, normals = solution.points(), solution.normals()
-    if isinstance(light, ps.ParallelLight):
-        directions = np.broadcast_to([-light.p0, -light.q0, -1.0], points.shape)
-    else:
+    if isinstance(light, ps.FlashLight):
         directions = np.array(light.offset) - points
+    else:
+        directions = np.broadcast_to([-0.3, 0.2, -1.0], points.shape)
     cosine = (normals * directions).sum(-1) / np.linalg.norm(directions, axis=-1)
     cosine[cosine < 0.01] = np.nan
     slope, darker = (np.sqrt(1.0 / (share * cosine) ** 2 - 1.0) for share in (1.0, 0.99))

@@ -1,0 +1,280 @@
+"""A light infinitely far away: the paper's."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.blocks import row_blocks
+from persfs_cl.camera import PixelGrid
+from persfs_cl.checks import brief, finite_number
+from persfs_cl.choices import Boundary
+from persfs_cl.errors import InputError
+from persfs_cl.shading.equations import Equation, MaterialEquation, ParallelEquation
+from persfs_cl.shading.forward import reflectance_map
+from persfs_cl.shading.model import Light, Mask, Model
+from persfs_cl.shading.reflectance import Array, Reflectance
+
+_STEEPEST = 1e3
+"""Beyond this slope the light grazes the image plane at less than a tenth of a degree."""
+
+_MARGIN, _SMALL_MARGIN = 1.02, 1.001
+"""More than a slope, and a value with level top, can rise between its samples above the largest of them."""
+
+
+@dataclass(frozen=True)
+class ParallelLight(Light):
+    """A light infinitely far away, the paper's s = (-p0, -q0, 1).
+
+    Parameters
+    ----------
+    p0, q0 : float
+        Slopes of the light. In camera axes (x right, y down, z forward) the light travels along
+        (p0, q0, 1): ``p0 > 0`` puts the lamp to the left of the camera, ``q0 > 0`` above it.
+        Both 0 is a frontal light.
+
+    Raises
+    ------
+    InputError
+        When a slope is not a number between -1000 and 1000.
+
+    Examples
+    --------
+    A lamp far away, 45 degrees to the left:
+
+    >>> import persfs_cl as ps
+    >>> light = ps.ParallelLight(p0=1.0)
+    >>> round(light.norm, 3)
+    1.414
+    """
+
+    summary: ClassVar[str] = "a light far away, the paper's s = (-p0, -q0, 1)"
+    normalised: ClassVar[bool] = True
+    flat_rim: ClassVar[bool] = True
+    bounds_slope: ClassVar[bool] = False
+    boundary: ClassVar[Boundary] = "outflow"
+
+    p0: float = field(
+        default=0.0,
+        metadata={"help": "Slope of the parallel light, 0 by default: above 0 the lamp is left of the camera."},
+    )
+    q0: float = field(
+        default=0.0,
+        metadata={"help": "Slope of the parallel light, 0 by default: above 0 the lamp is above the camera."},
+    )
+
+    def __post_init__(self) -> None:
+        for slope in fields(self):
+            value = getattr(self, slope.name)
+            number = finite_number(value)
+            if not abs(number) <= _STEEPEST:
+                raise InputError(
+                    f"{slope.name}={brief(value)} is not a light slope: give a finite number between -{_STEEPEST:g} "
+                    f"and {_STEEPEST:g}, 0 for a frontal light."
+                )
+            object.__setattr__(self, slope.name, number)
+
+    @property
+    def norm(self) -> float:
+        """Length of s, k = sqrt(1 + p0² + q0²)."""
+        return math.hypot(1.0, self.p0, self.q0)
+
+    @property
+    def cosine_of_ground(self) -> float:
+        """1 / k, see :attr:`Light.cosine_of_ground`."""
+        return 1.0 / self.norm
+
+    def facing(self, grid: PixelGrid) -> Array:
+        """f = 1 + p0 x + q0 y of every ray, shape (height, width): above 0 where what faces the light is seen."""
+        return np.asarray(1.0 + self.p0 * grid.x + self.q0 * grid.y)
+
+    def model(self, reflectance: Reflectance) -> Model:
+        """See :meth:`Light.model`: eq. (7) for a perfectly matt material."""
+        if reflectance.perfectly_matt:
+            return CosineModel(self, reflectance, ("light_cone", "parallel_light"))
+        return MaterialModel(self, reflectance, ("elementary", reflectance.kernel, "parallel_material"))
+
+    def upwind_model(self, reflectance: Reflectance) -> Model:
+        """See :meth:`Light.upwind_model`: for perfectly matt materials."""
+        if not reflectance.monotone:
+            raise InputError(
+                f"scheme='upwind' with reflectance={reflectance!r}: this material is not brightest face on, so "
+                "that a brightness belongs to two angles. Use scheme='lax-friedrichs'."
+            )
+        if not reflectance.perfectly_matt:
+            raise InputError(
+                f"scheme='upwind' with reflectance={reflectance!r} under a parallel light: this scheme is for "
+                "perfectly matt materials there. Use scheme='lax-friedrichs'."
+            )
+        return LevelCosineModel(self, reflectance, ("light_cone", "parallel_light"), ("climb", "upwind"))
+
+    def prefers_upwind(self, reflectance: Reflectance) -> bool:
+        """Never: the paper's scheme."""
+        return False
+
+    def brightness(
+        self, log_depth: ArrayLike, p: ArrayLike, q: ArrayLike, x: ArrayLike, y: ArrayLike, reflectance: Reflectance
+    ) -> Array:
+        """Eq. (6), in which the depth plays no part; see :meth:`Light.brightness`."""
+        return reflectance_map(p, q, x, y, self, reflectance)
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """See :attr:`Light.tilt`."""
+        return self.p0, self.q0
+
+    def toward(self, depth: Array, x: Array, y: Array) -> Array:
+        """The same from everywhere; see :meth:`Light.toward`."""
+        return np.array([-self.p0, -self.q0, -1.0])
+
+
+@dataclass(frozen=True)
+class _ParallelModel(Model):
+    """What both models have of the light."""
+
+    light: ParallelLight
+
+    def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
+        """See :meth:`Model.numbers`."""
+        return {"p0": self.light.p0, "q0": self.light.q0, "inverse_norm": 1.0 / self.light.norm}
+
+    def constant_viscosity(self, coordinate: Array, *, along_y: int) -> Array:
+        """|x - p0| / k, see :meth:`Model.constant_viscosity`."""
+        return np.abs(coordinate - (self.light.q0 if along_y else self.light.p0)) / self.light.norm
+
+
+@dataclass(frozen=True)
+class CosineModel(_ParallelModel):
+    """Eq. (7): of a perfectly matt material."""
+
+    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+        """See :meth:`Model.equation`."""
+        return ParallelEquation(brightness, x, y, self.light, steepest)
+
+    def brightest(self, grid: PixelGrid) -> float:
+        """1."""
+        return 1.0
+
+    def too_bright(self, most: float) -> str:
+        """See :meth:`Model.too_bright`."""
+        return "E must lie in [0, 1]. Use normalise_grey, or divide by the brightest value."
+
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
+        """Pixels where {P : H(P) <= 0} is unbounded, H not coercive.
+
+        The set is bounded where A = e² (I + xx') - ññ', e = k E, is positive definite: for
+        e² > |ñ|² - (x·ñ)² / (1 + r²), with ñ = (x - p0, y - q0) and r² = x² + y².
+        """
+        light, x = self.light, grid.x
+        found = np.zeros_like(solved)
+        for rows in row_blocks(found.shape):
+            y = grid.y[rows]
+            offset_x, offset_y = x - light.p0, y - light.q0
+            # The bound is at most |ñ|²: most photographs are brighter than that nearly everywhere.
+            if (light.norm * image[rows].min()) ** 2 > (offset_x**2).max() + (offset_y**2).max():
+                continue
+            along = x * offset_x + y * offset_y
+            bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
+            found[rows] = solved[rows] & ((light.norm * image[rows]) ** 2 <= bound)
+        return found
+
+
+@dataclass(frozen=True)
+class LevelCosineModel(CosineModel):
+    """The same for the upwind scheme, whose unknown is Z + ln f: level where the surface faces the light."""
+
+    def offset(self, grid: PixelGrid) -> Array:
+        """ln f, see :meth:`Model.offset`.
+
+        Raises
+        ------
+        InputError
+            When pixels look into the light, where no surface faces it.
+        """
+        if self.light.p0 == self.light.q0 == 0.0:
+            return super().offset(grid)
+        facing = self.light.facing(grid)
+        if facing.min() <= 0.0:
+            raise InputError(
+                f"light={self.light!r} with scheme='upwind': some pixels look into the light, where no surface faces "
+                "it. Crop or mask the image, or use scheme='lax-friedrichs'."
+            )
+        return np.asarray(np.log(facing))
+
+    def level_slopes(self, x: Array, y: Array) -> tuple[Array | float, Array | float]:
+        """That of -ln f, see :meth:`Model.level_slopes`."""
+        facing = 1.0 + self.light.p0 * x + self.light.q0 * y
+        return -self.light.p0 / facing, -self.light.q0 / facing
+
+
+@dataclass(frozen=True)
+class MaterialModel(_ParallelModel):
+    """H(P) = E - R(P): of any material."""
+
+    def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
+        """See :meth:`Model.numbers`."""
+        steepness = self._survey(grid)[0]
+        return {**super().numbers(grid, unit), "steepness": steepness, **self.reflectance.numbers}
+
+    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+        """See :meth:`Model.equation`."""
+        return MaterialEquation(brightness, x, y, self.light, self.reflectance, self._survey(grid)[0], steepest)
+
+    def brightest(self, grid: PixelGrid) -> float:
+        """Over all normals and rays of the image."""
+        return self._survey(grid)[1]
+
+    def too_bright(self, most: float) -> str:
+        """See :meth:`Model.too_bright`."""
+        return f"{self.reflectance!r} is seen no brighter than {most:.3g} under this light. Scale the image."
+
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> NDArray[np.bool_]:
+        """Every pixel that is as dark as the material at grazing."""
+        between = self._between(grid)
+        grazing = self.reflectance.shade(np.sqrt(np.maximum(0.0, 1.0 - between**2)), 0.0, between)
+        return np.asarray(solved & (image <= grazing))
+
+    def _between(self, grid: PixelGrid) -> Array:
+        """Cosine of the angle between the rays and the light, shape (height, width)."""
+        p0, q0, norm = self.light.p0, self.light.q0, self.light.norm
+        return np.asarray((1.0 + grid.x * p0 + grid.y * q0) / (norm * np.sqrt(1.0 + grid.x**2 + grid.y**2)))
+
+    def _survey(self, grid: PixelGrid) -> tuple[float, float]:
+        """What :func:`_survey` finds, over all rays of an image."""
+        between = self._between(grid)
+        cosines = np.linspace(between.min(), between.max(), 5)
+        found = np.array([_survey(self.reflectance, float(cosine)) for cosine in cosines])
+        return float(found[:, 0].max()), float(found[:, 1].max())
+
+
+@lru_cache(maxsize=64)
+def _survey(reflectance: Reflectance, between: float) -> tuple[float, float]:
+    """Upper bounds of cos θr |dR/dN| across the ray, and of the brightness R, over all unit normals N seen and lit.
+
+    `between` is the cosine between light and ray. In axes along the ray e, with R_i and R_r the derivatives of R by the
+    two cosines, dR/dN = R_i (l - N cos θi) + R_r (e - N cos θr). The normals are taken in circles around the direction
+    half way between light and ray, which lie the closer the smaller they are: highlights are there.
+    """
+    half = 0.5 * np.arccos(np.clip(between, -1.0, 1.0))
+    radius, turn = np.geomspace(1e-4, np.pi, 400)[:, None], np.linspace(0.0, np.pi, 65)
+    along, beside = np.cos(radius) + 0.0 * turn, np.sin(radius) * np.cos(turn)
+    normal_x = np.cos(half) * beside + np.sin(half) * along
+    normal_y = np.sin(radius) * np.sin(turn)
+    seen = np.cos(half) * along - np.sin(half) * beside
+    lit = seen * np.cos(2.0 * half) + normal_x * np.sin(2.0 * half)
+    step = 1e-6
+    used = (seen > 2.0 * step) & (lit > 2.0 * step)
+    lit, seen, normal_x, normal_y = lit[used], seen[used], normal_x[used], normal_y[used]
+    by_lit, by_seen = (
+        (reflectance.shade(lit + a, seen + b, between) - reflectance.shade(lit - a, seen - b, between)) / (2.0 * step)
+        for a, b in ((step, 0.0), (0.0, step))
+    )
+    slope_x = by_lit * (np.sin(2.0 * half) - lit * normal_x) - by_seen * seen * normal_x
+    slope_y = -(by_lit * lit + by_seen * seen) * normal_y
+    steepest, brightest = seen * np.hypot(slope_x, slope_y), reflectance.shade(lit, seen, between)
+    return _MARGIN * float(steepest.max()), _SMALL_MARGIN * float(brightest.max())

@@ -1,0 +1,107 @@
+"""A matt material with a highlight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from persfs_cl.checks import brief, finite_number
+from persfs_cl.errors import InputError
+from persfs_cl.shading.reflectance import SAMPLES, Array, Reflectance, floats, largest_log_slope, visible
+
+_STRONGEST, _SHINIEST = 1e12, 1e6
+"""A highlight of such an exponent is a tenth of a degree wide: with more, single precision loses it."""
+
+
+@dataclass(frozen=True)
+class Phong(Reflectance):
+    """A matt material with a highlight, such as glazed ware or wet tissue.
+
+    diffuse · cos θi + specular · max(cos ψ, 0)^shininess, where ψ lies between the mirrored direction of the light and
+    the viewer (Phong 1975). From the direction of the light ψ = 2θ.
+
+    Parameters
+    ----------
+    diffuse : float
+        Brightness of the matt part face on, from 1e-12 to 1e12.
+    specular : float
+        Brightness of the highlight, from 0 to 1e12. With ``diffuse + specular = 1`` the
+        brightest value is 1.
+    shininess : float
+        From 1 to 1e6; the higher, the smaller the highlight.
+
+    Raises
+    ------
+    InputError
+        When a parameter is out of its range, or not finite.
+    """
+
+    kernel: ClassVar[str] = "phong"
+    summary: ClassVar[str] = "with a highlight, as wet tissue"
+
+    diffuse: float = field(default=0.7, metadata={"help": "the matt part; 0.7 by default."})
+    specular: float = field(default=0.3, metadata={"help": "the highlight; 0.3 by default."})
+    shininess: float = field(default=10.0, metadata={"help": "the higher, the smaller the highlight; 10 by default."})
+
+    def __post_init__(self) -> None:
+        diffuse, specular, shininess = map(finite_number, (self.diffuse, self.specular, self.shininess))
+        if not 1.0 / _STRONGEST <= diffuse <= _STRONGEST:
+            raise InputError(
+                f"diffuse={brief(self.diffuse)} is no matt part: give a number from {1 / _STRONGEST:g} to "
+                f"{_STRONGEST:g}, such as 0.7."
+            )
+        if not 0.0 <= specular <= _STRONGEST:
+            raise InputError(
+                f"specular={brief(self.specular)} is no highlight: give a number from 0, for none, to {_STRONGEST:g}."
+            )
+        if not 1.0 <= shininess <= _SHINIEST:
+            raise InputError(
+                f"shininess={brief(self.shininess)} is no exponent: give a number from 1 to {_SHINIEST:g}, such as 10."
+            )
+        object.__setattr__(self, "diffuse", diffuse)
+        object.__setattr__(self, "specular", specular)
+        object.__setattr__(self, "shininess", shininess)
+
+    def coaxial(self, cosine: ArrayLike) -> Array:
+        """c(θ) = diffuse cos θ + specular max(cos 2θ, 0)^shininess; see :meth:`Reflectance.coaxial`."""
+        seen = visible(cosine)
+        return self.diffuse * seen + self._highlight(2.0 * seen**2 - 1.0)
+
+    def shade(self, cosine_light: ArrayLike, cosine_view: ArrayLike, cosine_between: ArrayLike) -> Array:
+        """Brightness for any directions, without a highlight in shadow; see :meth:`Reflectance.shade`."""
+        lit, seen, between = floats(cosine_light, cosine_view, cosine_between)
+        mirrored = np.where(lit > 0.0, 2.0 * lit * seen - between, 0.0)
+        return np.asarray(self.diffuse * lit + self._highlight(mirrored))
+
+    @property
+    def monotone(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def brightest(self) -> float:
+        """Diffuse + specular, face on."""
+        return self.diffuse + self.specular
+
+    @cached_property
+    def steepest_log(self) -> float:
+        """See :attr:`Reflectance.steepest_log`; found numerically."""
+        # The highlight ends at 45°. It may fall steeply near 0°, within 1 / √shininess, or just before its end.
+        to_end = np.geomspace(1e-12, math.pi / 4, SAMPLES)
+        angle = np.concatenate(
+            [np.geomspace(1e-3 / math.sqrt(self.shininess), math.pi / 4, SAMPLES), math.pi / 4 - to_end, [math.pi / 4]]
+        )
+        mirrored = np.concatenate([np.cos(2.0 * angle[:SAMPLES]), np.sin(2.0 * to_end), [0.0]])
+        falling = 2.0 * self.shininess * np.sin(2.0 * angle) * np.maximum(mirrored, 0.0) ** (self.shininess - 1.0)
+        slope = self.diffuse * np.sin(angle) + self.specular * falling
+        brightness = self.diffuse * np.cos(angle) + self._highlight(mirrored)
+        # Beyond 45° c is Lambertian.
+        return max(0.5, largest_log_slope(angle, slope, brightness))
+
+    def _highlight(self, cosine: Array) -> Array:
+        return self.specular * np.maximum(cosine, 0.0) ** self.shininess

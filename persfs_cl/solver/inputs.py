@@ -1,0 +1,200 @@
+"""What a user gave for one image, checked before any work is done with it."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl import checks
+from persfs_cl.blocks import row_blocks
+from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.errors import InputError
+from persfs_cl.masks import Neighbours
+from persfs_cl.shading.model import Light, Model, largest
+from persfs_cl.shading.reflectance import Reflectance
+
+_MOST_RELIEF = 1e9
+"""Ratio of depths beyond which single precision no longer tells a step of the tolerance from none."""
+
+_STEEPEST_GROUND = 30.0
+"""Degrees. A coin whose edge is bevelled has a median of 20 along its outline, a sphere 75 and more."""
+
+_MOST_PIXELS = 2**30
+"""Indices within an array are computed in 32 bits here and there."""
+
+_DARK, _DARK_SHARE = 0.005, 0.05
+"""When so many pixels are so dark beside the brightest, 14 times as far away if they face the lamp, they are probably
+no part of what was photographed."""
+
+_READERS = {
+    "image": "read_image(path)",
+    "mask": "persfs_cl.io.photos.read_mask(path, shape)",
+    "walls": "persfs_cl.io.photos.read_mask(path, shape)",
+    "known_depth": "persfs_cl.io.photos.read_depth(path, shape)",
+    "albedo": "persfs_cl.io.photos.read_light(path, shape)",
+}
+_ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
+
+
+def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
+    """The array that a user gave; InputError for paths, photos, lists of unequal length and the like."""
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError(f"{name}={str(given)!r} is no array: give {_READERS[name]} if it is a path.")
+    for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
+        if hasattr(given, attribute):
+            raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
+    return checks.as_array(name, given)
+
+
+def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
+    """The image as an array, shape (height, width), perhaps the very array given; InputError when it is none."""
+    given = as_array("image", image)
+    if given.ndim != 2 or given.size < 2:
+        remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
+        raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
+    if not np.issubdtype(given.dtype, np.floating):
+        raise InputError(
+            f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
+            "(grey levels of 8 bits: divide by 255)."
+        )
+    if given.size > _MOST_PIXELS:
+        raise InputError(f"image has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
+    return given
+
+
+def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The albedo as float64, shape (height, width), 1 where it is not used; InputError when it is none."""
+    given = as_array("albedo", albedo)
+    if given.shape != used.shape or not np.issubdtype(given.dtype, np.floating):
+        raise InputError(
+            f"albedo is {given.dtype} of shape {given.shape}: give a float array of the image's shape {used.shape}, "
+            "the share of light in (0, 1] that each pixel's surface returns."
+        )
+    # Written so that a NaN is found too.
+    if bad := int(np.count_nonzero(~((given > 0) & (given <= 1)) & used)):
+        raise InputError(
+            f"albedo is not in (0, 1] at {bad} pixels with a surface, where it ranges from {given[used].min():g} to "
+            f"{given[used].max():g}: divide by its largest value, and mask out what is black or unknown."
+        )
+    return np.where(used, given, 1.0).astype(np.float64)
+
+
+def require_shading(
+    brightness: NDArray[np.float64], solved: NDArray[np.bool_], model: Model, most: float, name: str
+) -> None:
+    """InputError when the pixels that are used are no image for the model; the others may hold anything."""
+    blocks = (brightness[rows][solved[rows]] for rows in row_blocks(solved.shape))
+    # Both are NaN where one value is.
+    extremes = np.array([(used.min(), used.max()) for used in blocks if used.size])
+    darkest, brightest = float(extremes[:, 0].min()), float(extremes[:, 1].max())
+    if not (math.isfinite(darkest) and math.isfinite(brightest)):
+        bad = np.count_nonzero(~np.isfinite(brightness[solved]))
+        raise InputError(f"{name} holds {bad} NaN or infinite values inside the mask: mask them out.")
+    if darkest < 0.0 or brightest > most * (1.0 + 1e-6):
+        raise InputError(f"{name} ranges from {darkest:g} to {brightest:g}: {model.too_bright(most)}")
+    if brightest == 0.0:
+        raise InputError(f"{name} is all black inside the mask: it carries no shading to reconstruct from.")
+    if darkest == brightest and np.count_nonzero(solved) > 1 and np.isfinite(most):
+        raise InputError(
+            f"{name} is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from."
+        )
+
+
+def warn_of_steep_outline(
+    brightness: NDArray[np.float64],
+    looked_at: NDArray[np.bool_],
+    wanted: NDArray[np.bool_],
+    light: Light,
+    reflectance: Reflectance,
+) -> None:
+    """Warn where z = 1 is assumed along the outline of a mask that is no flat ground, as far as its brightness tells.
+
+    Flat ground facing the camera has the angle θ0 = acos(1 / k) to a parallel light. A pixel at the angle θ, by its
+    brightness beside that of the ground, is tilted by abs(θ - θ0) at least, whichever way. The frame of the image is
+    not looked at: the object goes on there.
+
+    Parameters
+    ----------
+    brightness : ndarray of float64, shape (height, width)
+    looked_at, wanted : ndarray of bool, shape (height, width)
+        Pixels whose brightness counts, and the mask.
+    light : Light
+        One far away.
+    reflectance : Reflectance
+    """
+    if wanted.all():
+        return
+    outline = looked_at & Neighbours.of(~wanted).any & np.isfinite(brightness)
+    if not outline.any():
+        return
+    ground = light.cosine_of_ground
+    relative = brightness[outline] / float(reflectance.shade(ground, 1.0, ground))
+    tilts = np.abs(np.arccos(np.clip(relative * ground, 0.0, 1.0)) - math.acos(ground))
+    tilt = math.degrees(float(np.median(tilts)))
+    if tilt > _STEEPEST_GROUND:
+        checks.warn(
+            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1; but by its "
+            f"brightness half of it is {tilt:.0f} degrees or more from flat, as where an object turns away. The "
+            "surface may then be worse than a flat sheet, or than the outline inflated like a balloon: give "
+            "known_depth, try the other surface, or clip highlights if they set the white level."
+        )
+
+
+def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
+    """Warn where under a fading light many pixels are as dark as what lies behind an object."""
+    dim = _DARK * largest(brightness, solved)
+    dark = sum(np.count_nonzero(brightness[rows][solved[rows]] < dim) for rows in row_blocks(solved.shape))
+    share = dark / np.count_nonzero(solved)
+    if share > _DARK_SHARE:
+        checks.warn(
+            f"{100 * share:.0f} % of the pixels to solve are darker than {100 * _DARK:g} % of the brightest, and "
+            "become a surface far away: if they are background or shadow, mask them out."
+        )
+
+
+def require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """The array of bool that a user gave, or InputError."""
+    return checks.as_mask(name, as_array(name, given), shape)
+
+
+def require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The known depths, and where there are any."""
+    depths = as_array("known_depth", given)
+    if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
+        raise InputError(
+            f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "
+            "NaN where the depth is unknown."
+        )
+    known = ~np.isnan(depths)
+    values = checks.to_float64(depths[known])
+    if values.size == 0:
+        raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
+    if infinite := np.count_nonzero(np.isinf(values)):
+        raise InputError(f"known_depth holds {infinite} infinite values: use NaN for unknown.")
+    nearest, farthest = float(values.min()), float(values.max())
+    if nearest <= 0:
+        raise InputError(
+            f"known_depth goes down to {nearest:g}: depths are distances along the optical axis "
+            "and positive; use NaN for unknown."
+        )
+    if nearest < NEAREST or farthest > FARTHEST:
+        value = nearest if nearest < NEAREST else farthest
+        raise InputError(
+            f"known_depth holds {value:g}: give depths from {NEAREST:g} to {FARTHEST:g}, in another unit if need be, "
+            "and NaN for unknown."
+        )
+    return checks.to_float64(depths), known
+
+
+def require_relief(depths: NDArray[np.float64]) -> None:
+    """Refuse known depths, of those that the surface meets, that are too far apart for single precision."""
+    nearest, farthest = float(depths.min(initial=np.inf)), float(depths.max(initial=0.0))
+    if farthest > _MOST_RELIEF * nearest:
+        raise InputError(
+            f"known_depth goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of which the "
+            f"farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has no end."
+        )

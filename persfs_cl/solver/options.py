@@ -1,0 +1,304 @@
+"""The keywords of a reconstruction that are the same for all its images: one description of each.
+
+:func:`persfs_cl.reconstruct` and :func:`persfs_cl.reconstruct_batch` take them, and the command has an option for each
+that is described by words.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, TypedDict, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from persfs_cl._cl.device import Device
+from persfs_cl.checks import brief, finite_number
+from persfs_cl.choices import Boundary, Ordering, Precision, Surface
+from persfs_cl.errors import InputError
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.light import require_light
+from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
+
+Callback = Callable[[int, float], bool | None]
+
+_STEEPEST = 1e6
+_MOST_ITERATIONS = 10**9
+
+_REGION, _SOLVER, _DEVICE = "Region and known values", "Solver", "Device"
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Option:
+    """What there is to say of a keyword beside its name and type.
+
+    Attributes
+    ----------
+    default : object
+    check : callable
+        Gives the value as it is used, or raises InputError; called with the keyword's name and the value.
+    help : str
+        In the words of the command.
+    in_command : bool
+        False where the command has another way to say it, or none.
+    panel : str
+        Under which heading the command lists it.
+    choices : callable or None
+        Gives the words that it may be.
+    least, most : float or None
+        Of a number.
+    """
+
+    default: Any
+    check: Callable[[str, Any], Any]
+    help: str = ""
+    panel: str = _SOLVER
+    choices: Callable[[], Sequence[str]] | None = None
+    least: float | None = None
+    most: float | None = None
+    in_command: bool = True
+
+
+def _one_of(choices: Callable[[], Sequence[str]]) -> Callable[[str, Any], str]:
+    def check(name: str, value: Any) -> str:
+        if not isinstance(value, str) or value not in choices():
+            raise InputError(f"{name}={brief(value)} is not a choice: use one of {', '.join(choices())}.")
+        return value
+
+    return check
+
+
+def _order(name: str, value: Any) -> int:
+    if finite_number(value) not in (1.0, 2.0):
+        raise InputError(f"{name}={brief(value)}: the schemes are of order 1 or 2.")
+    return int(value)
+
+
+def _count(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= _MOST_ITERATIONS:
+        raise InputError(f"{name}={brief(value)}: give a whole number, at least 1 and at most {_MOST_ITERATIONS}.")
+    return int(value)
+
+
+def _tolerance(name: str, value: Any) -> float:
+    number = finite_number(value)
+    # Written so that a NaN is refused too.
+    if not number >= 0.0:
+        raise InputError(f"{name}={brief(value)}: give a finite number at least 0.")
+    return number
+
+
+def _slope(name: str, value: Any) -> float | None:
+    if value is None:
+        return None
+    number = finite_number(value)
+    if not number > 0.0:
+        raise InputError(f"{name}={brief(value)}: give a finite number greater than 0.")
+    if number > _STEEPEST:
+        raise InputError(
+            f"{name}={brief(value)} is no bound: 30 is a surface seen at 2 degrees from grazing. "
+            f"Give at most {_STEEPEST:g}."
+        )
+    return number
+
+
+def _callback(name: str, value: Any) -> Callback | None:
+    if value is not None and not callable(value):
+        raise InputError(f"{name}={brief(value)} cannot be called: give a function of iteration and change.")
+    return value  # type: ignore[no-any-return] # of what it takes and gives nothing can be known
+
+
+def _truth(name: str, value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError(f"{name}={brief(value)} is no choice: give True or False.")
+    return bool(value)
+
+
+def _as_given(_: str, value: Any) -> Any:
+    return value
+
+
+def _words(kind: Any) -> tuple[Callable[[str, Any], str], Callable[[], Sequence[str]]]:
+    choices = get_args(kind)
+    return _one_of(lambda: choices), lambda: choices
+
+
+def _schemes() -> Sequence[str]:
+    return (AUTO, *SCHEMES)
+
+
+def _orderings() -> Sequence[str]:
+    return get_args(Ordering)
+
+
+_IS_SURFACE, _SURFACES = _words(Surface)
+_IS_BOUNDARY, _BOUNDARIES = _words(Boundary)
+_IS_PRECISION, _PRECISIONS = _words(Precision)
+
+
+class Options(TypedDict, total=False):
+    """The keywords, each with its :class:`Option`; :func:`persfs_cl.reconstruct` says at length what they mean."""
+
+    light: Annotated[Light, Option(ParallelLight(), lambda _, value: require_light(value), in_command=False)]
+    reflectance: Annotated[
+        Reflectance, Option(Lambertian(), lambda _, value: require_reflectance(value), in_command=False)
+    ]
+    surface: Annotated[
+        Surface,
+        Option(
+            "away",
+            _IS_SURFACE,
+            "Whether the surface goes away from the camera, or comes toward it, from the known depths inwards. Under a "
+            "flash the photo itself tells.",
+            _REGION,
+            choices=_SURFACES,
+        ),
+    ]
+    boundary: Annotated[
+        Boundary,
+        Option(
+            "auto",
+            _IS_BOUNDARY,
+            "On edges where no depth is known; auto: outflow for lax-friedrichs under a parallel light, else wall.",
+            choices=_BOUNDARIES,
+        ),
+    ]
+    scheme: Annotated[
+        str,
+        Option(
+            AUTO,
+            _one_of(_schemes),
+            "lax-friedrichs is the paper's, upwind sharper and faster. auto: the paper's under a parallel light, "
+            "upwind under a flash where the material permits it.",
+            choices=_schemes,
+        ),
+    ]
+    ordering: Annotated[
+        str, Option("wavefront", _one_of(_orderings), "Order of the pixels in a sweep.", choices=_orderings)
+    ]
+    accuracy_order: Annotated[
+        int,
+        Option(
+            1,
+            _order,
+            "2: once converged, upwind is corrected to second order where the surface is smooth.",
+            least=1,
+            most=2,
+        ),
+    ]
+    max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.", least=1)]
+    tolerance: Annotated[
+        float, Option(1e-5, _tolerance, "Ends when ln depth changes by no more in an iteration.", least=0.0)
+    ]
+    max_slope: Annotated[
+        float | None,
+        Option(
+            None,
+            _slope,
+            "Bound on the slope where a pixel is too dark to set one; 30 by default, and 5 for upwind under a parallel "
+            "light.",
+        ),
+    ]
+    device: Annotated[
+        int | str | Device | None,
+        Option(
+            None,
+            _as_given,
+            "'cpu', 'gpu', a number of 'persfs-cl devices', or part of a name; the first by default.",
+            _DEVICE,
+        ),
+    ]
+    precision: Annotated[Precision, Option("float32", _IS_PRECISION, panel=_DEVICE, choices=_PRECISIONS)]
+    callback: Annotated[Callback | None, Option(None, _callback, in_command=False)]
+    throw: Annotated[bool, Option(False, _truth, in_command=False)]
+
+
+_REPORTED = (
+    "surface",
+    "boundary",
+    "scheme",
+    "ordering",
+    "precision",
+    "accuracy_order",
+    "max_iterations",
+    "tolerance",
+    "max_slope",
+)
+
+
+def described() -> dict[str, tuple[Any, Option]]:
+    """Type and description of every keyword, by its name."""
+    return {
+        name: (get_args(kind)[0], get_args(kind)[1])
+        for name, kind in get_type_hints(Options, include_extras=True).items()
+        if get_origin(kind) is Annotated
+    }
+
+
+_DESCRIBED = described()
+
+
+def complete(given: Options) -> Options:
+    """All keywords, checked one by one and against each other, "auto" replaced.
+
+    Raises
+    ------
+    InputError
+        Naming the keyword, its value, and what it may be.
+    TypeError
+        When there is no such keyword.
+    """
+    if unknown := given.keys() - _DESCRIBED.keys():
+        raise TypeError(f"reconstruct() got an unexpected keyword argument {min(unknown)!r}")
+    options = cast(
+        "Options",
+        {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},
+    )
+    light, scheme = options["light"], scheme_for(options["scheme"], options["light"], options["reflectance"])
+    scheme.model(light, options["reflectance"])
+    boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
+    if boundary not in scheme.boundaries:
+        raise InputError(
+            f"boundary={boundary!r} with scheme={scheme.name!r}: by this scheme nothing flows in from outside anyway. "
+            "Use boundary='wall', or scheme='lax-friedrichs'."
+        )
+    if light.determines_depth and boundary == "extrapolate":
+        raise InputError("boundary='extrapolate' under a flash has no level to start from: use boundary='wall'.")
+    if light.determines_depth and options["surface"] != "away":
+        raise InputError(
+            f"surface={options['surface']!r} under a flash with fall-off: the image alone tells which way the surface "
+            "goes. Leave the keyword out."
+        )
+    if options["accuracy_order"] > scheme.highest_order:
+        raise InputError(
+            f"accuracy_order=2 with scheme={scheme.name!r}: only the upwind scheme has a correction to second order. "
+            "Use scheme='upwind', or accuracy_order=1."
+        )
+    slope = options["max_slope"]
+    options["scheme"], options["boundary"] = scheme.name, boundary
+    options["max_slope"] = scheme.max_slope(light) if slope is None else slope
+    return options
+
+
+def reported(options: Options) -> dict[str, Any]:
+    """Those that a report states, as plain values."""
+    values = cast("dict[str, Any]", options)
+    return {name: values[name] for name in _REPORTED}
+
+
+def with_options(function: _Function) -> _Function:
+    """Show the keywords of :class:`Options` in the signature of a function that takes ``**options``."""
+    signature = inspect.signature(function)
+    own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+    keywords = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=kind)
+        for name, (kind, option) in _DESCRIBED.items()
+    ]
+    function.__signature__ = signature.replace(parameters=[*own, *keywords])  # type: ignore[attr-defined]
+    return function

@@ -1,0 +1,31 @@
+"""The schemes that there are: how new values of cells are found, and what each of them allows."""
+
+from __future__ import annotations
+
+from persfs_cl.checks import brief
+from persfs_cl.errors import InputError
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
+from persfs_cl.solver.schemes.scheme import Scheme
+from persfs_cl.solver.schemes.upwind import Upwind
+
+SCHEMES: dict[str, Scheme] = {scheme.name: scheme for scheme in (LaxFriedrichs(), Upwind())}
+"""All schemes, by the names that users type. Whatever else knows of a scheme reads it from here."""
+
+AUTO = "auto"
+
+
+def scheme_for(name: str, light: Light, reflectance: Reflectance) -> Scheme:
+    """The scheme of a name, "auto" resolved: upwind where the light prefers it, else the paper's.
+
+    Raises
+    ------
+    InputError
+        When there is none of that name.
+    """
+    if name == AUTO:
+        return SCHEMES[Upwind.name if light.prefers_upwind(reflectance) else LaxFriedrichs.name]
+    if not isinstance(name, str) or name not in SCHEMES:
+        raise InputError(f"scheme={brief(name)} is not a choice: use one of {', '.join([AUTO, *SCHEMES])}.")
+    return SCHEMES[name]

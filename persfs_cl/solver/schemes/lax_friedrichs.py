@@ -1,0 +1,45 @@
+"""The paper's scheme."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from persfs_cl.choices import Boundary
+from persfs_cl.shading.model import Light, Model
+from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.solver.schemes.scheme import Scheme
+
+if TYPE_CHECKING:
+    from persfs_cl.solver.reference import Indices, Reference
+
+
+@dataclass(frozen=True)
+class LaxFriedrichs(Scheme):
+    """Eq. (11): it takes any Hamiltonian, smears, and needs many iterations."""
+
+    name: ClassVar[str] = "lax-friedrichs"
+    boundaries: ClassVar[tuple[str, ...]] = ("outflow", "extrapolate", "fixed", "wall")
+
+    def model(self, light: Light, reflectance: Reflectance) -> Model:
+        """See :meth:`Scheme.model`."""
+        return light.model(reflectance)
+
+    def kernels(self, model: Model) -> tuple[str, ...]:
+        """See :meth:`Scheme.kernels`."""
+        return (*model.kernels, "lax_friedrichs")
+
+    def boundary(self, light: Light) -> Boundary:
+        """See :meth:`Scheme.boundary`."""
+        return light.boundary
+
+    def plain_values(
+        self,
+        reference: Reference,
+        rows: Indices,
+        columns: Indices,
+        quadrants: Sequence[tuple[int, int]],
+    ) -> list[Array]:
+        """See :meth:`Scheme.plain_values`."""
+        return [reference.lax_friedrichs(rows, columns)]

@@ -1,0 +1,62 @@
+"""What every scheme answers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from persfs_cl.choices import Boundary
+from persfs_cl.shading.model import Light, Model
+from persfs_cl.shading.reflectance import Array, Reflectance
+
+if TYPE_CHECKING:
+    from persfs_cl.solver.reference import Indices, Reference
+
+MAX_SLOPE = 30.0
+
+
+@dataclass(frozen=True)
+class Scheme(ABC):
+    """What every scheme answers. A scheme has no state.
+
+    Attributes
+    ----------
+    name : str
+        What users type.
+    boundaries : tuple of str
+        What may hold on the edge of the image and mask.
+    highest_order : int
+        Of accuracy.
+    outside : float or None
+        Value of cells that are not there, for schemes that only want it to be high; None for those that treat cells
+        apart which lack a neighbour.
+    """
+
+    name: ClassVar[str]
+    boundaries: ClassVar[tuple[str, ...]]
+    highest_order: ClassVar[int] = 1
+    outside: ClassVar[float | None] = None
+
+    @abstractmethod
+    def model(self, light: Light, reflectance: Reflectance) -> Model:
+        """The Hamiltonian of a material in a light for this scheme; InputError when there is none."""
+
+    @abstractmethod
+    def kernels(self, model: Model) -> tuple[str, ...]:
+        """Kernel files of the model and of this scheme, in the order in which they are composed."""
+
+    @abstractmethod
+    def boundary(self, light: Light) -> Boundary:
+        """What ``boundary="auto"`` is."""
+
+    def max_slope(self, light: Light) -> float:
+        """The bound of the slope when none is given."""
+        return MAX_SLOPE
+
+    @abstractmethod
+    def plain_values(
+        self, reference: Reference, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]
+    ) -> list[Array]:
+        """Candidates for new values of some cells by the reference, which lets each value only fall."""

@@ -1,0 +1,51 @@
+"""The scheme that solves each cell exactly from its neighbours upwind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from persfs_cl.choices import Boundary
+from persfs_cl.masks import NOWHERE
+from persfs_cl.shading.model import Light, Model
+from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.solver.schemes.scheme import Scheme
+
+if TYPE_CHECKING:
+    from persfs_cl.solver.reference import Indices, Reference
+
+MAX_SLOPE_UPWIND = 5.0
+"""Where the equation sets no bound, which this scheme takes at its word: a surface seen at 11 degrees from grazing."""
+
+
+@dataclass(frozen=True)
+class Upwind(Scheme):
+    """A few iterations, and several times less error than the paper's; by its nature nothing flows in from outside."""
+
+    name: ClassVar[str] = "upwind"
+    boundaries: ClassVar[tuple[str, ...]] = ("fixed", "wall")
+    highest_order: ClassVar[int] = 2
+    outside: ClassVar[float | None] = NOWHERE
+
+    def model(self, light: Light, reflectance: Reflectance) -> Model:
+        """See :meth:`Scheme.model`."""
+        return light.upwind_model(reflectance)
+
+    def kernels(self, model: Model) -> tuple[str, ...]:
+        """See :meth:`Scheme.kernels`."""
+        return (*model.kernels, *model.upwind)
+
+    def boundary(self, light: Light) -> Boundary:
+        """See :meth:`Scheme.boundary`."""
+        return "wall"
+
+    def max_slope(self, light: Light) -> float:
+        """See :meth:`Scheme.max_slope`."""
+        return super().max_slope(light) if light.bounds_slope else MAX_SLOPE_UPWIND
+
+    def plain_values(
+        self, reference: Reference, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]
+    ) -> list[Array]:
+        """See :meth:`Scheme.plain_values`."""
+        return [reference.upwind(rows, columns, *quadrant) for quadrant in quadrants]
