@@ -7,11 +7,9 @@ from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import as_array, as_floats, to_float64, unlike
+from persfs_cl.depths import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 from persfs_cl.wording import keyword
-
-NEAREST, FARTHEST = 1e-30, 1e30
-"""Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
 
 
 def as_image(name: str, given: ArrayLike) -> Array:

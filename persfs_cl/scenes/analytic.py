@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import as_number, as_whole_number, brief, check_choice, check_finite, check_positive
+from persfs_cl.checks import as_number, as_whole_number, check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
@@ -25,6 +25,7 @@ from persfs_cl.shading.material import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.wording import brief
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import checks
 from persfs_cl.blocks import row_blocks
-from persfs_cl.depths import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
+from persfs_cl.maps import as_albedo, as_known_depth
 from persfs_cl.masks import Neighbours
 from persfs_cl.shading.model import Light, Model, largest
 from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.wording import keyword
 
 _MOST_RELIEF = 1e9
 """Ratio of depths beyond which single precision no longer tells a step of the tolerance from none."""
@@ -43,10 +44,10 @@ _ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a paral
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:
     """The array that a user gave; InputError for paths, photos, lists of unequal length and the like."""
     if isinstance(given, (str, os.PathLike)):
-        raise InputError(f"{name}={str(given)!r} is no array: give {_READERS[name]} if it is a path.")
+        raise InputError.about(name, str(given), f"is no array: give {_READERS[name]} if it is a path.")
     for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
         if hasattr(given, attribute):
-            raise InputError(f"{name} is a {type(given).__name__}, no array: give {remedy}.")
+            raise checks.unlike(name, given, f"is a {type(given).__name__}, no array: give {remedy}.")
     return checks.as_array(name, given)
 
 
@@ -55,32 +56,23 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
     given = as_array("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
-        raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
+        shape = f"has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}"
+        raise checks.unlike("image", image, shape)
     if not np.issubdtype(given.dtype, np.floating):
-        raise InputError(
-            f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
-            "(grey levels of 8 bits: divide by 255)."
+        raise checks.unlike(
+            "image",
+            image,
+            f"has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them (grey levels "
+            "of 8 bits: divide by 255).",
         )
     if given.size > _MOST_PIXELS:
-        raise InputError(f"image has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
+        raise checks.unlike("image", image, f"has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
     return given
 
 
 def require_albedo(albedo: ArrayLike, used: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The albedo as float64, shape (height, width), 1 where it is not used; InputError when it is none."""
-    given = as_array("albedo", albedo)
-    if given.shape != used.shape or not np.issubdtype(given.dtype, np.floating):
-        raise InputError(
-            f"albedo is {given.dtype} of shape {given.shape}: give a float array of the image's shape {used.shape}, "
-            "the share of light in (0, 1] that each pixel's surface returns."
-        )
-    # Written so that a NaN is found too.
-    if bad := int(np.count_nonzero(~((given > 0) & (given <= 1)) & used)):
-        raise InputError(
-            f"albedo is not in (0, 1] at {bad} pixels with a surface, where it ranges from {given[used].min():g} to "
-            f"{given[used].max():g}: divide by its largest value, and mask out what is black or unknown."
-        )
-    return np.where(used, given, 1.0).astype(np.float64)
+    return as_albedo("albedo", as_array("albedo", albedo), used)
 
 
 def require_shading(
@@ -137,10 +129,10 @@ def warn_of_steep_outline(
     tilt = math.degrees(float(np.median(tilts)))
     if tilt > _STEEPEST_GROUND:
         checks.warn(
-            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1; but by its "
-            f"brightness half of it is {tilt:.0f} degrees or more from flat, as where an object turns away. The "
-            "surface may then be worse than a flat sheet, or than the outline inflated like a balloon: give "
-            "known_depth, try the other surface, or clip highlights if they set the white level."
+            f"{keyword('known_depth')} is not given, and the outline of the mask is taken for flat ground at z = 1; "
+            f"but by its brightness half of it is {tilt:.0f} degrees or more from flat, as where an object turns away. "
+            "The surface may then be worse than a flat sheet, or than the outline inflated like a balloon: give "
+            f"{keyword('known_depth')}, try the other surface, or clip highlights if they set the white level."
         )
 
 
@@ -163,31 +155,7 @@ def require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray
 
 def require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The known depths, and where there are any."""
-    depths = as_array("known_depth", given)
-    if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
-        raise InputError(
-            f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "
-            "NaN where the depth is unknown."
-        )
-    known = ~np.isnan(depths)
-    values = checks.to_float64(depths[known])
-    if values.size == 0:
-        raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
-    if infinite := np.count_nonzero(np.isinf(values)):
-        raise InputError(f"known_depth holds {infinite} infinite values: use NaN for unknown.")
-    nearest, farthest = float(values.min()), float(values.max())
-    if nearest <= 0:
-        raise InputError(
-            f"known_depth goes down to {nearest:g}: depths are distances along the optical axis "
-            "and positive; use NaN for unknown."
-        )
-    if nearest < NEAREST or farthest > FARTHEST:
-        value = nearest if nearest < NEAREST else farthest
-        raise InputError(
-            f"known_depth holds {value:g}: give depths from {NEAREST:g} to {FARTHEST:g}, in another unit if need be, "
-            "and NaN for unknown."
-        )
-    return checks.to_float64(depths), known
+    return as_known_depth("known_depth", as_array("known_depth", given), shape)
 
 
 def require_relief(depths: NDArray[np.float64]) -> None:
@@ -195,6 +163,8 @@ def require_relief(depths: NDArray[np.float64]) -> None:
     nearest, farthest = float(depths.min(initial=np.inf)), float(depths.max(initial=0.0))
     if farthest > _MOST_RELIEF * nearest:
         raise InputError(
-            f"known_depth goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of which the "
-            f"farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has no end."
+            f"{keyword('known_depth')} goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of "
+            f"which the farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has "
+            "no end.",
+            argument="known_depth",
         )

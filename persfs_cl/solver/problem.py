@@ -32,6 +32,7 @@ from persfs_cl.solver.schemes import scheme_for
 from persfs_cl.solver.schemes.scheme import MAX_SLOPE, Scheme
 from persfs_cl.surface.discontinuities import fill_walls
 from persfs_cl.surface.geometry import Cuts
+from persfs_cl.wording import keyword
 
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
 
@@ -216,8 +217,9 @@ def prepare(
     barriers = None if walls is None else require_mask("walls", walls, shape)
     if known_depth is None and not light.flat_rim and not light.determines_depth:
         raise InputError(
-            f"known_depth is not given, but light={light!r} without fall-off tells of slopes only: give at "
-            "least one depth, or photograph with fall-off."
+            f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
+            "only: give at least one depth, or photograph with fall-off.",
+            argument="known_depth",
         )
     if known_depth is not None:
         depths, known = require_depths(known_depth, shape)
@@ -227,7 +229,8 @@ def prepare(
     if known_depth is None and wanted.any() and not (wanted & ~known).any():
         raise InputError(
             f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
-            "left to solve: give known_depth."
+            f"left to solve: give {keyword('known_depth')}.",
+            argument="known_depth",
         )
     layout = lay_out(wanted, known, barriers, options["boundary"], needs_known=not light.determines_depth)
     on_walls = None if barriers is None else barriers & (wanted | known)

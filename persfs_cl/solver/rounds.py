@@ -19,6 +19,7 @@ from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.solution import Status
+from persfs_cl.wording import keyword
 
 Array = NDArray[np.float64]
 
@@ -88,8 +89,9 @@ def solve_corrected(
                 if run.statuses[place] is Status.CONVERGED:
                     run.statuses[place] = Status.MAX_ITERATIONS
                 warn(
-                    f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
-                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it."
+                    f"{keyword('light', problems[place].model.light)} is too far from the camera: after "
+                    f"{rounds[place]} rounds the depth still changes by {100 * change:.2g} % on average. Do not rely "
+                    "on it."
                 )
             if shaded := int(dim[number].sum()):
                 warn(f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.")
