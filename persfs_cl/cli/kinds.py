@@ -52,8 +52,9 @@ def kind_chooser(
                 message = f"goes with --{option} {' or '.join(owners)}, not {name}: leave it out."
                 raise typer.BadParameter(message, param_hint=numbers[field].hint)
         for field, number in numbers.items():
-            if name in number.owners and number.needed and field not in given:
-                raise typer.BadParameter(f"{name} needs it: {number.help}", param_hint=f"'{number.hint}'")
+            if number.needed_by(name) and field not in given:
+                message = f"{name} needs it: {number.about('help')}"
+                raise typer.BadParameter(message, param_hint=f"'{number.hint}'")
         read = {field: numbers[field].read(value) for field, value in given.items()}
         try:
             return kinds[name](**read)
@@ -69,55 +70,54 @@ def kind_chooser(
 
 @dataclass(frozen=True)
 class _Number:
-    """A field of one or more kinds."""
+    """A field of one or more kinds, by their names; the first of them says what it is."""
 
-    field: Field[Any]
+    name: str
     type: Any
-    owners: tuple[str, ...]
+    owners: Mapping[str, Field[Any]]
+
+    def about(self, what: str, otherwise: str | None = None) -> Any:
+        return next(iter(self.owners.values())).metadata.get(what, otherwise)
 
     @property
     def option(self) -> str:
-        return str(self.field.metadata.get("option", self.field.name)).replace("_", "-")
+        return str(self.about("option", self.name)).replace("_", "-")
 
     @property
     def hint(self) -> str:
         return f"--no-{self.option}" if self.type is bool else f"--{self.option}"
 
-    @property
-    def needed(self) -> bool:
-        return self.field.default is MISSING and self.field.default_factory is MISSING
-
-    @property
-    def help(self) -> str:
-        return str(self.field.metadata.get("help", ""))
+    def needed_by(self, kind: str) -> bool:
+        field = self.owners.get(kind)
+        return field is not None and field.default is MISSING and field.default_factory is MISSING
 
     def read(self, value: Any) -> Any:
         """The value of the option as one of the field."""
         return _READERS[self.type](f"--{self.option}", value) if self.type in _READERS else value
 
     def parameter(self, panel: str, naming: bool) -> Parameter:
-        whose = f"Of {' and '.join(self.owners)}{', which needs it' * self.needed}: " if naming else ""
+        *others, last = (f"{kind}{', which needs it' * self.needed_by(kind)}" for kind in self.owners)
+        named = f"{', '.join(others)}, and {last}" if others else last
         switch = self.type is bool
-        name = f"--{self.option}/--no-{self.option}" if switch else f"--{self.option}"
         typed = typer.Option(
-            name,
-            help=f"{whose}{self.help}",
-            metavar=self.field.metadata.get("metavar"),
+            f"--{self.option}/--no-{self.option}" if switch else f"--{self.option}",
+            help=f"Of {named}: {self.about('help')}" if naming else self.about("help"),
+            metavar=self.about("metavar"),
             show_default=not switch,
             rich_help_panel=panel,
         )
         annotation: Any = Annotated[Optional[str if self.type in _READERS else self.type], typed]  # noqa: UP045
-        return Parameter(self.field.name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
 def _numbers(kinds: Mapping[str, type[Any]]) -> dict[str, _Number]:
-    found: dict[str, _Number] = {}
+    owners: dict[str, dict[str, Field[Any]]] = {}
+    types: dict[str, Any] = {}
     for name, kind in kinds.items():
-        types = get_type_hints(kind)
+        types |= get_type_hints(kind)
         for field in fields(kind):
-            owners = found[field.name].owners if field.name in found else ()
-            found[field.name] = _Number(field, types[field.name], (*owners, name))
-    return found
+            owners.setdefault(field.name, {})[name] = field
+    return {field: _Number(field, types[field], of) for field, of in owners.items()}
 
 
 def _place(option: str, text: str) -> tuple[float, ...]:

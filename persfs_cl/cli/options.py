@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any, Literal, Optional, get_args
+from typing import Annotated, Any, Literal, Optional, cast, get_args
 
 import typer
 
@@ -117,7 +117,7 @@ def keyword_chooser(*names: str) -> Callable[..., Options]:
     }
 
     def choose(**values: Any) -> Options:
-        return Options(**values)  # type: ignore[typeddict-item] # each was checked
+        return cast("Options", values)  # each was checked
 
     return with_signature(choose, [_keyword(name, *about) for name, about in wanted.items()])
 

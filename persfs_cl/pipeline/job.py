@@ -233,18 +233,16 @@ def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution
     """
     inputs = ready.inputs
     job = inputs.job
+    keywords: Options = {**job.keywords, "light": job.light, "reflectance": job.reflectance, "callback": callback}
     with _naming(job.path):
         solution = reconstruct(
             ready.image,
             inputs.camera,
-            light=job.light,
-            reflectance=job.reflectance,
             mask=ready.mask,
             walls=inputs.walls,
             known_depth=ready.known_depth,
             albedo=inputs.albedo,
-            callback=callback,
-            **job.keywords,
+            **keywords,
         )
     return PhotoSolution(solution, inputs.photo, ready.prepared, ready.unfiltered, ready.report)
 

@@ -52,7 +52,7 @@ def test_a_new_material_has_its_options() -> None:
     said = " ".join(run("--help").output.split())
     assert "phong: with a highlight, as wet tissue. velvet: as of a curtain." in said
     assert "--pile MM Of velvet, which needs it: length of the hairs." in said
-    assert "Of oren-nayar and velvet" in said
+    assert "Of oren-nayar, which needs it, and velvet: spread of the slopes" in said
     assert run().output == "1 Lambertian()\n"
     assert run("--before=2", "--reflectance=velvet", "--pile=3").output == "2 Velvet(pile=3.0, roughness=0.5)\n"
     assert run("--reflectance=velvet", "--pile=3", "--roughness=1").output == "1 Velvet(pile=3.0, roughness=1.0)\n"
@@ -63,6 +63,7 @@ def test_a_new_material_has_its_options() -> None:
     ("texts", "words"),
     [
         (("--reflectance=velvet",), ("--pile", "velvet needs it: length of the hairs.")),
+        (("--reflectance=oren-nayar",), ("--roughness", "oren-nayar needs it: spread of the slopes")),
         (("--pile=1",), ("--pile", "goes with --reflectance velvet, not lambertian: leave it out.")),
         (("--roughness=1",), ("--roughness", "goes with --reflectance oren-nayar or velvet, not lambertian")),
         (("--reflectance=velvet", "--pile=10"), ("--reflectance", "pile=10.0 is too long: give 9 at most.")),
