@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import as_floats, as_mask, check_choice
 from persfs_cl.errors import InputError
 from persfs_cl.wording import keyword
 
 Align = Literal["scale", "range"]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

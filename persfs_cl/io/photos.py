@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import as_array, check_choice, to_float64, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io.decoding import decoding
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     import PIL.Image
     import tifffile
 
-Array = NDArray[np.float64]
 Channel = Literal["luminance", "red", "green", "blue", "mean", "max"]
 Encoding = Literal["auto", "srgb", "linear"]
 

@@ -34,6 +34,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import check_choice, finite_number
 from persfs_cl.choices import Surface
@@ -42,8 +43,6 @@ from persfs_cl.paper import fast_marching
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
-
-Array = NDArray[np.float64]
 
 _DARKEST = 1e-6
 """Black pixels are taken to be so bright; the largest slope is reached long before."""

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import as_mask, as_number, as_whole_number, unlike
 from persfs_cl.masks import connected
 from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.preparation.normalise import checked
 
-Array = NDArray[np.float64]
 Light = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 _NOTEWORTHY = 0.1
 """Share of the brightest value below which noise could be taken for a spot."""

@@ -8,16 +8,13 @@ included; each function says what becomes of them.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_array, as_floats, as_mask, as_number, as_whole_number, unlike
 from persfs_cl.errors import InputError
 from persfs_cl.maps import as_image, as_map
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 
 _LARGEST = 1e100
 """Of a number of an image: products of it with any other still have a double-precision number."""

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_array, as_number, check_choice
 from persfs_cl.errors import InputError
@@ -30,8 +31,6 @@ from persfs_cl.preparation.normalise import (
     subtract_ambient,
 )
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Highlights = Literal["keep", "mask", "fill"]
 Normalise = Literal["linear", "grey", "none"]
 

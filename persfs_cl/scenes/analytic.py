@@ -13,8 +13,8 @@ from numbers import Integral
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import as_number, as_whole_number, check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
@@ -27,8 +27,6 @@ from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import brief
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 VaseKnown = Literal["background and frame", "background"]
 
 _FRONTAL = ParallelLight()

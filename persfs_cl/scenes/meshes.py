@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.errors import InputError
@@ -25,9 +26,7 @@ from persfs_cl.shading.reflectance import Reflectance
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 Up = Literal["y", "z"]
 
 # Rows are the camera's axes (x right, y down, z forward) in those of the mesh.

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import as_flag, as_number, as_numbers
@@ -17,8 +18,8 @@ from persfs_cl.errors import InputError
 from persfs_cl.shading.equations import Equation, FlashEquation, HeadlightEquation, LampEquation
 from persfs_cl.shading.forward import Direction, surface_norm
 from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.model import Light, Mask, Model, largest
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.model import Light, Model, largest
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
 _FARTHEST = 1e9

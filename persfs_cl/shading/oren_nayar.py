@@ -10,9 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import finite_number
 from persfs_cl.errors import InputError
-from persfs_cl.shading.reflectance import SAMPLES, Array, Reflectance, floats, largest_log_slope, visible
+from persfs_cl.shading.reflectance import SAMPLES, Reflectance, floats, largest_log_slope, visible
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import as_number
@@ -17,8 +18,8 @@ from persfs_cl.choices import Boundary
 from persfs_cl.errors import InputError
 from persfs_cl.shading.equations import Equation, MaterialEquation, ParallelEquation
 from persfs_cl.shading.forward import reflectance_map
-from persfs_cl.shading.model import Light, Mask, Model
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.model import Light, Model
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
 _STEEPEST = 1e3

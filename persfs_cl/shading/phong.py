@@ -10,8 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import as_number
-from persfs_cl.shading.reflectance import SAMPLES, Array, Reflectance, floats, largest_log_slope, visible
+from persfs_cl.shading.reflectance import SAMPLES, Reflectance, floats, largest_log_slope, visible
 
 _STRONGEST, _SHINIEST = 1e12, 1e6
 """A highlight of such an exponent is a tenth of a degree wide: with more, single precision loses it."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Mask
 from persfs_cl.errors import InputError
-from persfs_cl.masks import NONE, SWEPT, Mask, Neighbours, connected, missing_neighbours
+from persfs_cl.masks import NONE, SWEPT, Neighbours, connected, missing_neighbours
 from persfs_cl.wording import keyword
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import PixelGrid
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.equations import Equation, Slopes
@@ -24,7 +25,6 @@ from persfs_cl.solver.schemes.scheme import Scheme
 if TYPE_CHECKING:
     from persfs_cl.solver.problem import Problem
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _QUADRANTS = ((0, 0), (1, 0), (0, 1), (1, 1))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array
 from persfs_cl.checks import warn
 from persfs_cl.solver.iterate import Run, Surface, Watch
 from persfs_cl.solver.options import Options
@@ -20,8 +21,6 @@ from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.solution import Status
 from persfs_cl.wording import keyword
-
-Array = NDArray[np.float64]
 
 ROUNDS = 10
 """At most so many runs of the sweeps."""

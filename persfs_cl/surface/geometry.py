@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import as_array
@@ -21,8 +22,6 @@ from persfs_cl.maps import as_depth
 
 if TYPE_CHECKING:
     import trimesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

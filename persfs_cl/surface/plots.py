@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
     from mpl_toolkits.mplot3d import Axes3D
 
-Array = NDArray[np.float64]
 
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from persfs_cl import metrics
 from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import as_array, as_floats, warn
@@ -31,8 +32,6 @@ from persfs_cl.surface.confidence import Confidence, slope_error
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Doubts = Mapping[str, Mask]
 
 _BRIGHTEST = 1e100

@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.errors import InputError
 from persfs_cl.preparation import inpaint as membrane
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 ROWS, COLUMNS = np.mgrid[:40, :60].astype(float)
 SHADING = 0.2 + 0.001 * ROWS + 0.002 * COLUMNS
 

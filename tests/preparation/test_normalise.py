@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from persfs_cl import blocks
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.preparation.normalise import (
     brightest_diffuse,
@@ -26,7 +27,6 @@ from persfs_cl.preparation.normalise import (
     subtract_ambient,
 )
 
-Array = NDArray[np.float64]
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "mean_filter": lambda image, mask=None: mean_filter(image, 3, mask),
     "normalise_grey": normalise_grey,

@@ -19,7 +19,6 @@ from persfs_cl.io.photos import Photo, read_photo
 from persfs_cl.preparation.normalise import clip_highlights, decode_srgb, mean_filter, normalise_grey, normalise_linear
 from persfs_cl.preparation.prepare import Preparation, cos4_vignetting, prepare_photo
 
-Array = NDArray[np.float64]
 SHAPE = HEIGHT, WIDTH = 30, 40
 CAMERA = Camera((50.0, 60.0), (12.0, 20.0))
 ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH].astype(float)

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from persfs_cl.arrays import Array
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 if TYPE_CHECKING:
     from persfs_cl.solver.reference import Indices, Reference
