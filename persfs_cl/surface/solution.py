@@ -18,7 +18,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
-from persfs_cl.checks import as_array, as_floats, warn
+from persfs_cl.checks import as_floats, as_mask, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io import photos as images
 from persfs_cl.io.files import FilePath, as_path, atomic_path, filling, json_text
@@ -229,13 +229,8 @@ class Solution:
     def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
         if doubts is not None and not isinstance(doubts, Mapping):
             raise InputError.about("doubts", doubts, "is no mapping: give maps of bool by the reason for doubt.")
-        given = {reason: as_array(f"doubts[{reason!r}]", pixels) for reason, pixels in (doubts or {}).items()}
-        for reason, pixels in given.items():
-            if pixels.dtype != bool or pixels.shape != self.depth.shape:
-                raise InputError(
-                    f"doubts[{reason!r}] is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's "
-                    f"shape {self.depth.shape}."
-                )
+        shape = self.depth.shape
+        given = {reason: as_mask(f"doubts[{reason!r}]", pixels, shape) for reason, pixels in (doubts or {}).items()}
         grid = self.camera.grid((self.depth.shape[0], self.depth.shape[1]))
         cosine = np.empty(self.depth.shape)
         for rows in row_blocks(self.depth.shape):
