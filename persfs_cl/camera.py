@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import as_array, brief, finite_numbers, warn
+from persfs_cl.checks import as_array, finite_numbers, warn
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.exif import exif_focal_length
 from persfs_cl.io.files import FilePath
+from persfs_cl.wording import brief, keyword
 
 _WIDEST_DEGREES = 85.0
 _WIDEST = math.tan(math.radians(_WIDEST_DEGREES))
@@ -73,17 +74,20 @@ class Camera:
     def __post_init__(self) -> None:
         lengths = finite_numbers(self.focal_length)
         if lengths is None or len(lengths) > 2 or min(lengths) < 1e-3 or max(lengths) > 1e9:
-            raise CameraError(
-                f"focal_length={brief(self.focal_length)} is impossible: give one number of pixels "
-                "between 0.001 and 1e9, or two, (fx, fy)."
+            raise CameraError.about(
+                "focal_length",
+                self.focal_length,
+                "is impossible: give one number of pixels between 0.001 and 1e9, or two, (fx, fy).",
             )
         object.__setattr__(self, "focal_length", lengths if len(lengths) == 2 else lengths[0])
         if self.principal_point is not None:
             point = finite_numbers(self.principal_point)
             if point is None or len(point) != 2:
-                raise CameraError(
-                    f"principal_point={brief(self.principal_point)} is impossible: give two finite numbers of "
-                    "pixels, (column, row), or leave it out for the middle of the image."
+                raise CameraError.about(
+                    "principal_point",
+                    self.principal_point,
+                    "is impossible: give two finite numbers of pixels, (column, row), or leave it out for the middle "
+                    "of the image.",
                 )
             object.__setattr__(self, "principal_point", point)
 
@@ -132,10 +136,12 @@ class Camera:
         farthest = math.hypot(max(abs(cx), abs(width - 1 - cx)) / self.fx, max(abs(cy), abs(height - 1 - cy)) / self.fy)
         if not farthest <= _WIDEST:
             raise CameraError(
-                f"focal_length={_in_brackets(self.fx, self.fy)} and principal_point={_in_brackets(cx, cy)} put a "
-                f"corner of an image of shape {_in_brackets(height, width)} at {math.degrees(math.atan(farthest)):.4g} "
-                f"degrees from the optical axis, and no lens draws more than {_WIDEST_DEGREES:g}: all are in pixels of "
-                "this very image, not in millimetres; was it resized after the camera was calibrated?"
+                f"{_pair('focal_length', self.fx, self.fy)} and {_pair('principal_point', cx, cy)} put a corner of an "
+                f"image of shape {_in_brackets(height, width)} at {math.degrees(math.atan(farthest)):.4g} degrees from "
+                f"the optical axis, and no lens draws more than {_WIDEST_DEGREES:g}: all are in pixels of this very "
+                "image, not in millimetres; was it resized after the camera was calibrated?",
+                argument="focal_length" if self.principal_point is None else "principal_point",
+                value=self.focal_length if self.principal_point is None else self.principal_point,
             )
         x = (np.arange(width, dtype=np.float64) - cx) / self.fx
         y = ((np.arange(height, dtype=np.float64) - cy) / self.fy)[:, None]
@@ -159,7 +165,7 @@ class Camera:
         cx, cy = self.centre(shape)
         if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
             warn(
-                f"principal_point={_in_brackets(cx, cy)} lies outside the image of shape {shape}: right for a part "
+                f"{_pair('principal_point', cx, cy)} lies outside the image of shape {shape}: right for a part "
                 "that was cut out of a photo, whose optical axis it keeps. Otherwise, it is (column, row) in pixels of "
                 "this very image: was it resized after the camera was calibrated?"
             )
@@ -217,7 +223,9 @@ class Camera:
         if angle is None or len(angle) != 1 or not 0 < angle[0] < 180:
             raise CameraError(
                 f"A horizontal field of view of {brief(horizontal_degrees)} degrees is impossible: give an angle "
-                "between 0 and 180. Common cameras have 30 to 80."
+                "between 0 and 180. Common cameras have 30 to 80.",
+                argument="horizontal_degrees",
+                value=horizontal_degrees,
             )
         # The least tangent only keeps the quotient a number; so long a focal length is refused.
         return cls(width / 2 / max(math.tan(math.radians(angle[0]) / 2), _LEAST_TANGENT), principal_point)
@@ -306,7 +314,11 @@ class Camera:
         except InputError:
             k = np.empty(0)
         if k.shape != (3, 3) or k.dtype.kind not in "iuf" or not np.isfinite(k).all():
-            raise CameraError(f"The camera matrix {brief(matrix)} is impossible: give 3×3 finite numbers.")
+            raise CameraError(
+                f"The camera matrix {brief(matrix)} is impossible: give 3×3 finite numbers.",
+                argument="matrix",
+                value=matrix,
+            )
         if not np.allclose(k[2], (0, 0, 1), rtol=0, atol=1e-6):
             raise CameraError(f"The camera matrix ends in {k[2].tolist()}, not in [0, 0, 1]: divide it by K[2, 2].")
         if max(abs(k[0, 1]), abs(k[1, 0])) > 1e-6 * abs(k[0, 0]):
@@ -326,7 +338,11 @@ def require_camera(given: object) -> None:
         Naming it.
     """
     if not isinstance(given, Camera):
-        raise InputError(f"camera={brief(given)} is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+        raise InputError.about("camera", given, "is no Camera: give Camera(focal_length=...) or Camera.from_fov(...).")
+
+
+def _pair(name: str, one: float, other: float) -> str:
+    return keyword(name, (one, other), written=_in_brackets(one, other))
 
 
 def _in_brackets(one: float, other: float) -> str:

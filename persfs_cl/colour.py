@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from persfs_cl.arrays import Array
 
 
 def decode_srgb(values: ArrayLike) -> Array:

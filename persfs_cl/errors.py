@@ -3,35 +3,125 @@
 from __future__ import annotations
 
 import enum
+import pickle
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from persfs_cl.wording import Spelling, brief, keyword, parts, worded
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_Same = TypeVar("_Same", bound="Worded")
+_Argued = TypeVar("_Argued", bound="ArgumentError")
 
-class PersfsError(Exception):
-    """Base class of every error that persfs_cl raises on purpose.
 
-    All of them can be pickled and copied, attributes included: an error in a worker process reaches its parent.
+class Worded(Exception):  # noqa: N818  # no error by itself: warnings are such too
+    """A message that keeps apart which keywords it mentions.
+
+    It can be pickled and copied, attributes included: what is raised in a worker process reaches its parent.
+
+    Parameters
+    ----------
+    message : str
+        May mention keywords, see :func:`persfs_cl.wording.keyword`.
+    *rest : object
+        Further elements of `args`.
+
+    Attributes
+    ----------
+    parts : tuple of str and Mention
+        The message.
     """
+
+    def __init__(self, message: str, *rest: object) -> None:
+        self.parts = parts(message)
+        super().__init__(worded(self.parts), *rest)
+
+    def worded(self, spelling: Spelling) -> str:
+        """The message, with the keywords that it mentions spelled in another way than Python's."""
+        return worded(self.parts, spelling)
+
+    def at(self: _Same, place: object) -> _Same:
+        """The same, with a place before the message: an image of many, or a file."""
+        return self._saying((f"{place}: ", *self.parts))
+
+    def adding(self: _Same, remedy: str) -> _Same:
+        """The same, with another sentence, which may mention keywords, after the message."""
+        return self._saying((*self.parts, " ", *parts(remedy)))
+
+    def _saying(self: _Same, text: tuple[Any, ...]) -> _Same:
+        other = _restored(type(self), (worded(text), *self.args[1:]))
+        other.__dict__.update(self.__dict__, parts=text)
+        return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Exception would call the class with the message alone, whatever else its __init__ wants.
         return _restored, (type(self), self.args), self.__dict__
 
 
-class InputError(PersfsError, ValueError):
+class PersfsWarning(Worded, UserWarning):
+    """What persfs_cl warns of."""
+
+
+class PersfsError(Worded):
+    """Base class of every error that persfs_cl raises on purpose.
+
+    All of them can be pickled and copied, attributes included: an error in a worker process reaches its parent.
+    """
+
+
+class ArgumentError(PersfsError):
+    """An argument cannot be used.
+
+    Attributes
+    ----------
+    argument : str or None
+        Its name; None where no single one is to blame, as when a file cannot be read.
+    value : object
+        What was given for it. Pickled, it becomes its `repr` where it cannot be pickled itself.
+    """
+
+    def __init__(self, message: str, *rest: object, argument: str | None = None, value: object = None) -> None:
+        super().__init__(message, *rest)
+        self.argument = argument
+        self.value = value
+
+    @classmethod
+    def about(cls: type[_Argued], argument: str, value: object, why: str, *, written: str | None = None) -> _Argued:
+        """The error whose message begins with argument and value: `argument=value why`.
+
+        Parameters
+        ----------
+        argument : str
+        value : object
+        why : str
+            Why it cannot be used, and the remedy. A colon at its beginning follows the value at once.
+        written : str, optional
+            The value as the message shows it, where `repr` has too many digits.
+        """
+        mention = keyword(argument, value, written=written)
+        return cls(f"{mention}{'' if why.startswith(':') else ' '}{why}", argument=argument, value=value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        try:
+            pickle.dumps(self.value)
+        except Exception:  # noqa: BLE001  # whatever an object raises that is asked for its bytes
+            return _restored, (type(self), self.args), {**self.__dict__, "value": brief(self.value)}
+        return super().__reduce__()
+
+
+class InputError(ArgumentError, ValueError):
     """An image, mask, depth or option cannot be used as it was given."""
 
 
-class CameraError(PersfsError, ValueError):
+class CameraError(ArgumentError, ValueError):
     """The camera is impossible, or a file does not say what the camera was."""
 
 
-class DeviceError(PersfsError):
+class DeviceError(ArgumentError):
     """No OpenCL device fits the request, or the chosen one lacks what was asked of it."""
 
 
@@ -92,7 +182,7 @@ class ConvergenceError(PersfsError):
         self.solution = solution
 
 
-def _restored(kind: type[PersfsError], arguments: tuple[object, ...]) -> PersfsError:
+def _restored(kind: type[_Same], arguments: tuple[object, ...]) -> _Same:
     """An error as it was pickled, but for its attributes, which pickle sets."""
     error = kind.__new__(kind)
     error.args = arguments

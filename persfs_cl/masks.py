@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Mask
 from persfs_cl.blocks import row_blocks
-
-Mask = NDArray[np.bool_]
 
 # Bits of a cell's flags; kernels/shared/prelude.cl gives them the same values.
 SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import as_array, as_floats, brief
+from persfs_cl.arrays import Array
+from persfs_cl.checks import as_floats, as_mask, check_choice
 from persfs_cl.errors import InputError
+from persfs_cl.wording import keyword
 
 Align = Literal["scale", "range"]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -84,19 +85,13 @@ def compare(
     >>> ps.compare(2.0 * truth, truth, align="scale").mean
     0.0
     """
-    if align is not None and not (isinstance(align, str) and align in get_args(Align)):
-        raise InputError(f'align={brief(align)} is unknown: choose None, "scale" or "range".')
+    check_choice("align", align, Align, optional=True)
     estimated, true = as_floats("estimate", estimate), as_floats("truth", truth)
     if estimated.shape != true.shape:
         raise InputError(f"estimate has shape {estimated.shape} but truth has {true.shape}: give both the same shape.")
     compared = ~(np.isnan(estimated) | np.isnan(true))
     if mask is not None:
-        wanted = as_array("mask", mask)
-        if wanted.dtype != np.bool_:
-            raise InputError(f"mask holds {wanted.dtype}, not bool: give mask > 0 or similar.")
-        if wanted.shape != true.shape:
-            raise InputError(f"mask has shape {wanted.shape} but truth has {true.shape}: give both the same shape.")
-        compared &= wanted
+        compared &= as_mask("mask", mask, true.shape, whose="truth")
     if not compared.any():
         raise InputError(
             f"none of {true.size} pixels can be compared: at each, estimate or truth is NaN or mask is False."
@@ -127,8 +122,9 @@ def _aligned_errors(estimated: Array, true: Array, align: Align | None) -> Error
         for name, values in (("estimate", estimated), ("truth", true)):
             if values.min() <= 0:
                 raise InputError(
-                    f'{name} goes down to {values.min():g}, but align="scale" needs values above 0:'
-                    ' mask such pixels out, or use align="range".'
+                    f"{name} goes down to {values.min():g}, but {keyword('align', 'scale')} needs values above 0: mask "
+                    f"such pixels out, or use {keyword('align', 'range')}.",
+                    argument=name,
                 )
         estimated = estimated * np.median(true / estimated)
     elif align == "range":
@@ -152,7 +148,8 @@ def _to_unit_range(name: str, values: NDArray[np.float64]) -> NDArray[np.float64
     least, greatest = values.min(), values.max()
     if least == greatest:
         raise InputError(
-            f'{name} is {least:g} at every compared pixel, which align="range" cannot spread over [0, 1]:'
-            ' compare more pixels, or use align=None or "scale".'
+            f"{name} is {least:g} at every compared pixel, which {keyword('align', 'range')} cannot spread over "
+            f"[0, 1]: compare more pixels, or use {keyword('align', 'scale')}, or none.",
+            argument=name,
         )
     return np.asarray((values - least) / (greatest - least))

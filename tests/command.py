@@ -1,13 +1,36 @@
-"""The command, in the process of the tests."""
+"""The command, in the process of the tests, and what is often given to it."""
 
 from __future__ import annotations
 
+import json
 import typing
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
+import persfs_cl as ps
 from persfs_cl.cli.app import app
+from persfs_cl.io.export import write_grey
+
+FILES = {
+    "depth.npy",
+    "depth.tiff",
+    "depth.png",
+    "normals.png",
+    "relief.png",
+    "mesh.ply",
+    "rendered.png",
+    "comparison.png",
+    "confidence.png",
+    "convergence.png",
+    "report.json",
+}
+HEIGHT, WIDTH = 24, 30
+SCENE = ps.bump((HEIGHT, WIDTH))
+FOCAL = ("--focal-length", str(WIDTH))
 
 
 class Outcome(typing.NamedTuple):
@@ -22,3 +45,21 @@ def run(*arguments: str | Path) -> Outcome:
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return Outcome(result.exit_code, result.stdout, " ".join(result.stderr.replace("│", " ").split()))
+
+
+def strict(path: Path) -> dict[str, Any]:
+    """A JSON file, with Python's NaN and Infinity refused."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{path} holds {name}")
+
+    loaded: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+    return loaded
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def png(path: Path, image: NDArray[np.floating]) -> None:
+    write_grey(path, image, encoding="linear")

@@ -1,4 +1,4 @@
-"""Errors reach a parent process whole."""
+"""Errors reach a parent process whole, and know what they are about."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ import importlib
 import pickle
 import pkgutil
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 import persfs_cl as ps
-from persfs_cl.errors import PersfsError
+from persfs_cl.checks import warn
+from persfs_cl.errors import PersfsError, PersfsWarning, Worded
+from persfs_cl.wording import Mention, keyword
 
 
 def kinds() -> list[type[PersfsError]]:
@@ -55,3 +58,53 @@ def test_every_error_survives_pickling_and_copying(restored: Callable[[PersfsErr
         if isinstance(error, ps.ConvergenceError) and isinstance(other, ps.ConvergenceError):
             assert (other.solution.depth == error.solution.depth).all()
             assert other.solution.device is error.solution.device
+
+
+def typed(mention: Mention) -> str:
+    return f"<{mention.keyword} {mention.typed}>"
+
+
+def test_an_error_knows_its_argument_and_can_be_worded_otherwise() -> None:
+    other = keyword("boundary", "wall")
+    error = ps.InputError.about("scheme", "upwind", f"with {other} fails: give {keyword('known_depth')}.")
+    assert (error.argument, error.value) == ("scheme", "upwind")
+    assert str(error) == "scheme='upwind' with boundary='wall' fails: give known_depth."
+    assert error.worded(typed) == "<scheme upwind> with <boundary wall> fails: give <known_depth >."
+    assert (ps.CameraError("no").argument, ps.CameraError("no").value) == (None, None)
+
+
+def test_places_and_remedies_leave_the_rest_as_it_was() -> None:
+    error = ps.CameraError.about("principal_point", (3, 4.5), "is odd.")
+    found = error.at(Path("scheme='upwind'.png")).at("images[3]").adding(f"Give {keyword('fov')}.")
+    assert type(found) is ps.CameraError
+    assert str(found) == "images[3]: scheme='upwind'.png: principal_point=(3, 4.5) is odd. Give fov."
+    assert found.worded(typed) == "images[3]: scheme='upwind'.png: <principal_point 3,4.5> is odd. Give <fov >."
+    assert (found.argument, found.value) == ("principal_point", (3, 4.5))
+    assert str(error) == "principal_point=(3, 4.5) is odd.", "the other is another"
+    restored = pickle.loads(pickle.dumps(found))
+    assert (restored.worded(typed), restored.value) == (found.worded(typed), found.value)
+
+
+def test_a_value_that_cannot_be_pickled_is_told_of() -> None:
+    error = ps.InputError.about("callback", example, "cannot be called.")
+    assert pickle.loads(pickle.dumps(error)).value is example
+    unusual = ps.InputError.about("callback", value := (lambda: None), "cannot be called.")
+    assert unusual.value is value
+    assert pickle.loads(pickle.dumps(unusual)).value.startswith("<function")
+
+
+def test_the_functions_of_the_package_name_the_argument() -> None:
+    with pytest.raises(ps.InputError) as raised:
+        ps.compare([1.0], [1.0, 2.0], align=3)  # type: ignore[arg-type]
+    assert (raised.value.argument, raised.value.value) == ("align", 3)
+
+
+def test_warnings_can_be_worded_too() -> None:
+    with pytest.warns(UserWarning, match="^scheme='upwind' is odd$") as warned:
+        warn(f"{keyword('scheme', 'upwind')} is odd")
+    (message,) = (warning.message for warning in warned)
+    assert isinstance(message, PersfsWarning)
+    assert message.worded(typed) == "<scheme upwind> is odd"
+    restored: Worded = pickle.loads(pickle.dumps(message))
+    assert restored.parts == message.parts
+    assert warned[0].filename == __file__

@@ -71,7 +71,7 @@ def test_an_array_equals_itself(align: Any) -> None:
     ("estimate", "truth", "keywords", "message"),
     [
         ([1.0, 2.0], [1.0], {}, r"shape \(2,\) but truth has \(1,\)"),
-        ([1.0, 2.0], [1.0, 2.0], {"mask": [True]}, r"mask has shape \(1,\)"),
+        ([1.0, 2.0], [1.0, 2.0], {"mask": [True]}, r"mask is bool of shape \(1,\)"),
         ([NAN, 2.0], [1.0, NAN], {}, "none of 2 pixels"),
         ([1.0, 2.0], [1.0, 2.0], {"mask": [False, False]}, "none of 2 pixels"),
         ([], [], {}, "none of 0 pixels"),
@@ -90,7 +90,7 @@ def test_an_array_equals_itself(align: Any) -> None:
         ([5e-324], [1e308], {"align": "scale"}, "too far apart"),
         ([1.0], [None], {}, "truth holds object, not numbers"),
         ([1.0], [[1.0], [1.0, 2.0]], {}, "truth is no array"),
-        ([1.0, 2.0], [1.0, 2.0], {"mask": [0, 255]}, "mask holds int64, not bool"),
+        ([1.0, 2.0], [1.0, 2.0], {"mask": [0, 255]}, "mask is int64 of shape"),
     ],
 )
 def test_wrong_inputs_are_named(estimate: Any, truth: Any, keywords: Any, message: str) -> None:

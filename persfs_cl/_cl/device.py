@@ -16,6 +16,7 @@ import pyopencl as cl
 from persfs_cl._cl.cache import prepare_caches
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError
+from persfs_cl.wording import keyword
 
 INSTALL_HINT = (
     "Install an OpenCL driver: 'pip install pocl-binary-distribution' (CPU, Linux x86-64), "
@@ -142,8 +143,10 @@ class Device:
         """
         if precision == "float64" and not self.has_float64:
             raise DeviceError(
-                f"{self} has no double precision: use precision='float32' or another device "
-                f"({', '.join(str(other) for other in devices() if other.has_float64) or 'none here has it'})."
+                f"{self} has no double precision: use {keyword('precision', 'float32')} or another device "
+                f"({', '.join(str(other) for other in devices() if other.has_float64) or 'none here has it'}).",
+                argument="precision",
+                value=precision,
             )
         return np.dtype(precision)
 

@@ -9,8 +9,9 @@ import pyopencl as cl
 
 from persfs_cl._cl.device import INSTALL_HINT, Device, devices
 from persfs_cl._cl.registers import register_bits
-from persfs_cl.checks import brief, warn
+from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
+from persfs_cl.wording import keyword
 
 _SELECT = "Give one of these numbers, part of a name, 'cpu' or 'gpu', or leave it out."
 
@@ -47,7 +48,9 @@ def select_device(selector: int | str | Device | None = None) -> Device:
     if isinstance(selector, (int, np.integer)) and not isinstance(selector, bool):
         if 0 <= selector < len(found):
             return found[selector]
-        raise DeviceError(f"device={selector} does not exist. The devices here are {listing}. {_SELECT}")
+        raise DeviceError.about(
+            "device", selector, f"does not exist. The devices here are {listing}. {_SELECT}", written=str(selector)
+        )
     if isinstance(selector, str) and selector.strip():
         if selector.strip().isdecimal() and len(selector.strip()) < 10:
             return select_device(int(selector))
@@ -56,9 +59,13 @@ def select_device(selector: int | str | Device | None = None) -> Device:
             by_name = wanted in f"{device.name} {device.platform} {device.platform_version}".lower()
             if device.kind == wanted or (wanted not in ("cpu", "gpu") and by_name):
                 return device
-        raise DeviceError(f"No OpenCL device fits device={brief(selector)}. The devices here are {listing}. {_SELECT}")
-    raise DeviceError(
-        f"device={brief(selector)} is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
+        raise DeviceError(
+            f"No OpenCL device fits {keyword('device', selector)}. The devices here are {listing}. {_SELECT}",
+            argument="device",
+            value=selector,
+        )
+    raise DeviceError.about(
+        "device", selector, "is not a choice: give None, 'cpu', 'gpu', an index, part of a name, or a Device."
     )
 
 

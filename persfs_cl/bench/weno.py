@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.bench.peers import compiled_by_numba
 from persfs_cl.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 _REGULAR = 1e-6
 """Keeps the weights finite where the surface is a parabola: ε of the paper."""

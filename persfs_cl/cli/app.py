@@ -16,12 +16,13 @@ from persfs_cl.cli.compare import compare
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
 from persfs_cl.cli.interrupts import raising
-from persfs_cl.cli.output import in_options
 from persfs_cl.cli.paper import paper
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.cli.render import render
 from persfs_cl.cli.signals import INTERRUPTED
-from persfs_cl.errors import DeviceError, PersfsError
+from persfs_cl.cli.spelling import WrongOption, spelling
+from persfs_cl.errors import DeviceError, PersfsError, Worded
+from persfs_cl.wording import Spelling
 
 _INPUT_FAILED, _NO_DEVICE = 1, 3
 
@@ -105,16 +106,19 @@ class _Commands(TyperGroup):
         try:
             with raising(), self._warnings(ctx):
                 return super().invoke(ctx)
+        except WrongOption as error:
+            error.word(self._spelling(ctx))
+            raise
         except typer.BadParameter as error:
             # Some versions of typer put pydantic's words before the message.
-            error.message = self._in_options(ctx, error.message.removeprefix("Value error, "))
+            error.message = error.message.removeprefix("Value error, ")
             raise
         except PersfsError as error:
-            typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
+            typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)
             raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
         except UserWarning as error:
             # An error by the option -W of Python, or by PYTHONWARNINGS.
-            typer.echo(f"persfs-cl: {self._in_options(ctx, str(error))}", err=True)
+            typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)
             raise typer.Exit(_INPUT_FAILED) from error
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
@@ -127,7 +131,7 @@ class _Commands(TyperGroup):
 
         def show(message: Warning | str, category: type[Warning], *place: Any, **where: Any) -> None:
             if issubclass(category, UserWarning):
-                typer.echo(f"persfs-cl: warning: {self._in_options(ctx, str(message))}", err=True)
+                typer.echo(f"persfs-cl: warning: {self._worded(ctx, message)}", err=True)
             else:
                 usual(message, category, *place, **where)
 
@@ -135,10 +139,11 @@ class _Commands(TyperGroup):
             warnings.showwarning = show
             yield
 
-    def _in_options(self, ctx: Any, message: str) -> str:
-        parameters = self.commands[ctx.invoked_subcommand].params
-        names = [name for parameter in parameters for name in parameter.opts if name.startswith("--")]
-        return in_options(message, names)
+    def _worded(self, ctx: Any, message: Warning | Exception | str) -> str:
+        return message.worded(self._spelling(ctx)) if isinstance(message, Worded) else str(message)
+
+    def _spelling(self, ctx: Any) -> Spelling:
+        return spelling(self.commands[ctx.invoked_subcommand].params)
 
 
 def _paragraphs(text: str) -> str:

@@ -23,12 +23,14 @@ from persfs_cl.bench.report import table
 from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.bench.tables import contents, markers
 from persfs_cl.circumstances import circumstances, summary
-from persfs_cl.cli.options import DeviceOption, PrecisionOption
+from persfs_cl.cli.choosers import takes
+from persfs_cl.cli.options import chosen_device_and_precision
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import writing
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.page import CIRCUMSTANCES, fill_page, marked, read_page
+from persfs_cl.solver.options import Options
 
 _Choice = TypeVar("_Choice", bound=str)
 
@@ -43,7 +45,9 @@ def _listed(values: Iterable[object]) -> str:
     return ",".join(map(str, values))
 
 
+@takes(keywords=chosen_device_and_precision)
 def bench(
+    *,
     experiment: Annotated[
         list[str] | None,
         typer.Option(
@@ -138,19 +142,19 @@ def bench(
             rich_help_panel=_TUNINGS,
         ),
     ] = None,
-    device: DeviceOption = None,
-    precision: PrecisionOption = "float32",
+    keywords: Options,
 ) -> None:
     """Measure how fast the sweeps are, beside other ways to do the same in the same run, and how exact the depth is.
 
     Prints tables, and writes bench.json, bench.csv and the plots scaling.png, yardsticks.png, convergence.png and
     accuracy.png.
     """
+    precision = keywords["precision"]
     experiments = _known("--experiment", experiment or list(EXPERIMENTS), tuple(EXPERIMENTS))
     pages = page or []
     for each in pages:
         check_page(each, quick=quick, wanted=markers(experiments), known=markers(EXPERIMENTS))
-    chosen = select_device(device)
+    chosen = select_device(keywords["device"])
     plan = Plan(
         device=chosen,
         sizes=_numbers("--sizes", sizes, least=8) or (_QUICK_SIZES if quick else None),

@@ -101,7 +101,7 @@ def compare(
     try:
         errors = measure(*values, mask=inside, align=None if align == "none" else align)
     except InputError as error:
-        raise InputError(f"{first}, {second}: {error}") from error
+        raise error.at(f"{first}, {second}") from error
     unit = "share of the range" if align == "range" else "grey levels" if kind == "image" else "unit of the depth"
     typer.echo(json.dumps({**asdict(errors), "unit": unit}) if as_json else _text(errors, unit))
 
@@ -145,7 +145,7 @@ def _beside_points(
         if brightness is not None:
             rows["1/sqrt(I)"] = compare_points(brightness**-0.5, truth)
     except InputError as error:
-        raise InputError(f"{depth}, {file}: {error}") from error
+        raise error.at(f"{depth}, {file}") from error
     return rows
 
 

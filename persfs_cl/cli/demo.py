@@ -8,12 +8,17 @@ from typing import Annotated
 
 import typer
 
-from persfs_cl.cli.options import CameraOptions, DeviceOption
+from persfs_cl.cli.choosers import takes
+from persfs_cl.cli.options import chosen_device
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.progress import writing
 from persfs_cl.metrics import compare
-from persfs_cl.pipeline.job import Brightness, solve_photo
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.job import Job, solve_photo
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.results import write
 from persfs_cl.scenes.analytic import vase
+from persfs_cl.solver.options import Options
 from persfs_cl.solver.reconstruct import reconstruct
 
 _DATA = Path(__file__).resolve().parent.parent / "data"
@@ -27,12 +32,14 @@ _PAPER_STATUE = "6.0667", "13.7159"
 _VASE_ITERATIONS = 30
 
 
+@takes(keywords=chosen_device)
 def demo(
+    *,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; an earlier demo's are replaced."),
     ] = Path("demo-output"),
-    device: DeviceOption = None,
+    keywords: Options,
 ) -> None:
     """Reconstruct a bundled photograph of a coin, and the paper's synthetic vase. Needs no arguments."""
     check_folder(output, overwrite=True)
@@ -45,7 +52,7 @@ def demo(
         known_depth=scene.known_depth,
         surface=scene.surface,
         max_iterations=_VASE_ITERATIONS,
-        device=device,
+        device=keywords["device"],
     )
     errors = compare(solution.depth, scene.depth, align="range")
     with writing():
@@ -59,16 +66,16 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
 
     folder = output / "coin"
     photo, mask = _DATA / "coin.png", _DATA / "coin_mask.png"
-    result = solve_photo(
+    job = Job(
         photo,
-        CameraOptions(_COIN_FOCAL_LENGTH, None, None),
+        CameraChoice(_COIN_FOCAL_LENGTH),
         _COIN_BRIGHTNESS,
         mask=mask,
-        surface="toward",
-        device=device,
+        keywords={"surface": "toward", "device": keywords["device"]},
     )
+    result = solve_photo(job)
     with writing():
-        result.save(folder)
+        write(result, folder)
     prepared, original = result.prepared_errors, result.photo_errors
     typer.echo(f"""\
 A Greek coin from Pompeii, a real photograph of 72 x 72 pixels: {result.solution.iterations} iterations.

@@ -1,168 +1,27 @@
-"""Options that several commands have, and how their texts become numbers, cameras, lights and materials."""
+"""What several commands have: camera, light, material, paint, and the keywords of a reconstruction."""
 
 from __future__ import annotations
 
-import math
-import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Optional, cast, get_args
 
 import typer
 
-from persfs_cl.camera import Camera
-from persfs_cl.choices import Precision
+from persfs_cl.cli.choosers import with_signature
+from persfs_cl.cli.kinds import kind_chooser
+from persfs_cl.cli.numbers import finite_numbers
+from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.exif import exif_focal_length
-from persfs_cl.shading.flash_light import FlashLight
-from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.model import Light
-from persfs_cl.shading.oren_nayar import OrenNayar
-from persfs_cl.shading.parallel_light import ParallelLight
-from persfs_cl.shading.phong import Phong
-from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.shading.light import LIGHTS
+from persfs_cl.shading.material import MATERIALS
+from persfs_cl.solver.options import Option, Options, described
 
-LightKind = Literal["parallel", "flash"]
-ReflectanceKind = Literal["lambertian", "oren-nayar", "phong"]
-
-_CAMERA, _LIGHT, _MATERIAL, _DEVICE = "Camera", "Light", "Material", "Device"
+_CAMERA, _LIGHT, _MATERIAL = "Camera", "Light", "Material"
 _EITHER = "'--focal-length' / '--fov'"
-_WIDE = 120.0
-"""Degrees that hardly any lens sees which draws straight lines straight."""
-_LARGEST_ANGLE = 80.0
 
-
-def finite(value: float | None) -> float | None:
-    """Refuse nan and inf, which Python takes for numbers."""
-    if value is not None and not math.isfinite(value):
-        raise typer.BadParameter(f"{value} is not a finite number.")
-    return value
-
-
-def positive(value: float | None) -> float | None:
-    """Refuse what is not a finite number above 0."""
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise typer.BadParameter(f"{value} is not a finite number above 0.")
-    return value
-
-
-FocalLengthOption = Annotated[
-    str | None,
-    typer.Option(
-        "--focal-length",
-        metavar="PX[,PX]",
-        help="Focal length in pixels; two numbers, fx,fy, where pixels are not square.",
-        rich_help_panel=_CAMERA,
-    ),
-]
-FieldOfViewOption = Annotated[
-    float | None,
-    typer.Option(
-        "--fov",
-        metavar="DEGREES",
-        help="Horizontal field of view, instead of the focal length.",
-        rich_help_panel=_CAMERA,
-    ),
-]
-PrincipalPointOption = Annotated[
-    str | None,
-    typer.Option(
-        "--principal-point",
-        metavar="PX,PX",
-        help="Column and row where the optical axis meets the image; the middle by default.",
-        rich_help_panel=_CAMERA,
-    ),
-]
-LightOption = Annotated[
-    LightKind,
-    typer.Option(
-        "--light",
-        help="parallel: a light far away, the paper's s = (-p0, -q0, 1). flash: a lamp at the camera, or close by, as "
-        "of a phone or an endoscope.",
-        rich_help_panel=_LIGHT,
-    ),
-]
-P0Option = Annotated[
-    float | None,
-    typer.Option(
-        "--p0",
-        help="Slope of the parallel light, 0 by default: above 0 the lamp is left of the camera.",
-        callback=finite,
-        rich_help_panel=_LIGHT,
-    ),
-]
-Q0Option = Annotated[
-    float | None,
-    typer.Option(
-        "--q0",
-        help="Slope of the parallel light, 0 by default: above 0 the lamp is above the camera.",
-        callback=finite,
-        rich_help_panel=_LIGHT,
-    ),
-]
-GainOption = Annotated[
-    float | None,
-    typer.Option(
-        "--gain",
-        metavar="BRIGHTNESS",
-        help="Of the flash: brightness, in linear light, of a white surface that faces it at distance 1; 1 by default. "
-        "It sets the unit of depth.",
-        callback=positive,
-        rich_help_panel=_LIGHT,
-    ),
-]
-FalloffOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--falloff/--no-falloff",
-        help="Whether the flash fades with the square of the distance, as by default, or the photo was corrected for "
-        "that.",
-        show_default=False,
-        rich_help_panel=_LIGHT,
-    ),
-]
-LampOption = Annotated[
-    str | None,
-    typer.Option(
-        "--lamp",
-        metavar="X,Y,Z",
-        help="Where the flash is, to the right of the camera, below it and in front of it, in units of depth; 0,0,0 by "
-        "default. Or as an angle between camera and flash, seen from depth 1: 0,-5deg,0.",
-        rich_help_panel=_LIGHT,
-    ),
-]
-ReflectanceOption = Annotated[
-    ReflectanceKind,
-    typer.Option(
-        "--reflectance",
-        help="lambertian: perfectly matt. oren-nayar: rough, as plaster. phong: with a highlight, as wet tissue.",
-        rich_help_panel=_MATERIAL,
-    ),
-]
-RoughnessOption = Annotated[
-    float | None,
-    typer.Option(
-        "--roughness",
-        metavar="RADIANS",
-        help="Of oren-nayar, which needs it: spread of the slopes of the facets; 0 is smooth, 0.5 rough.",
-        rich_help_panel=_MATERIAL,
-    ),
-]
-DiffuseOption = Annotated[
-    float | None,
-    typer.Option("--diffuse", help="Of phong: the matt part; 0.7 by default.", rich_help_panel=_MATERIAL),
-]
-SpecularOption = Annotated[
-    float | None,
-    typer.Option("--specular", help="Of phong: the highlight; 0.3 by default.", rich_help_panel=_MATERIAL),
-]
-ShininessOption = Annotated[
-    float | None,
-    typer.Option(
-        "--shininess", help="Of phong: the higher, the smaller the highlight; 10 by default.", rich_help_panel=_MATERIAL
-    ),
-]
 AlbedoOption = Annotated[
     Path | None,
     typer.Option(
@@ -172,220 +31,120 @@ AlbedoOption = Annotated[
         rich_help_panel=_MATERIAL,
     ),
 ]
-DeviceOption = Annotated[
-    str | None,
-    typer.Option(
-        "--device",
-        help="'cpu', 'gpu', a number of 'persfs-cl devices', or part of a name; the first by default.",
-        rich_help_panel=_DEVICE,
-    ),
-]
-PrecisionOption = Annotated[Precision, typer.Option("--precision", rich_help_panel=_DEVICE)]
 
 
-@dataclass(frozen=True)
-class CameraOptions:
-    """What the command line says of the camera.
+def chosen_camera(
+    focal_length: Annotated[
+        str | None,
+        typer.Option(
+            "--focal-length",
+            metavar="PX[,PX]",
+            help="Focal length in pixels; two numbers, fx,fy, where pixels are not square.",
+            rich_help_panel=_CAMERA,
+        ),
+    ] = None,
+    fov: Annotated[
+        float | None,
+        typer.Option(
+            "--fov",
+            metavar="DEGREES",
+            help="Horizontal field of view, instead of the focal length.",
+            rich_help_panel=_CAMERA,
+        ),
+    ] = None,
+    principal_point: Annotated[
+        str | None,
+        typer.Option(
+            "--principal-point",
+            metavar="PX,PX",
+            help="Column and row where the optical axis meets the image; the middle by default.",
+            rich_help_panel=_CAMERA,
+        ),
+    ] = None,
+) -> CameraChoice:
+    """The camera that the options tell of.
 
-    Attributes
+    Raises
+    ------
+    typer.BadParameter
+        When a text is no list of numbers, a number is impossible, or both --focal-length and --fov are given.
+    """
+    if focal_length is not None and fov is not None:
+        raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
+    length: float | tuple[float, float] | None = None
+    if focal_length is not None:
+        fx, *fy = finite_numbers("--focal-length", focal_length, "one number, or two, fx,fy, in pixels", (1, 2))
+        length = (fx, fy[0]) if fy else fx
+    point = None
+    if principal_point is not None:
+        column, row = finite_numbers("--principal-point", principal_point, "two numbers, column,row, in pixels", (2,))
+        point = column, row
+    choice = CameraChoice(length, fov, point)
+    if length is not None or fov is not None:
+        try:
+            choice.of(Path(), (1, 1))
+        except CameraError as error:
+            raise WrongOption(error, _EITHER) from error
+    return choice
+
+
+def require_focal_length(choice: CameraChoice) -> None:
+    """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is no photo.
+
+    Raises
+    ------
+    typer.BadParameter
+        When neither --focal-length nor --fov is given.
+    """
+    if choice.focal_length is None and choice.fov is None:
+        raise typer.BadParameter("give one of the two.", param_hint=_EITHER)
+
+
+chosen_light = kind_chooser("light", LIGHTS, _LIGHT)
+chosen_reflectance = kind_chooser("reflectance", MATERIALS, _MATERIAL, naming=True)
+
+
+def keyword_chooser(*names: str) -> Callable[..., Options]:
+    """The chooser of keywords of :func:`persfs_cl.reconstruct`, checked one by one.
+
+    Parameters
     ----------
-    focal_length : float, (float, float) or None
-        In pixels.
-    fov : float or None
-        Horizontal, in degrees.
-    principal_point : (float, float) or None
-        Column and row in pixels.
+    *names : str
+        Which; all that the command has when none is named.
     """
+    wanted = {
+        name: about for name, about in described().items() if about[1].in_command and (not names or name in names)
+    }
 
-    focal_length: float | tuple[float, float] | None
-    fov: float | None
-    principal_point: tuple[float, float] | None
+    def choose(**values: Any) -> Options:
+        return cast("Options", values)  # each was checked
 
-    @classmethod
-    def parse(cls, focal_length: str | None, fov: float | None, principal_point: str | None) -> CameraOptions:
-        """Read the texts of the options.
-
-        Raises
-        ------
-        typer.BadParameter
-            When a text is no list of numbers, a number is impossible, or both --focal-length and --fov are given.
-        """
-        if focal_length is not None and fov is not None:
-            raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
-        length: float | tuple[float, float] | None = None
-        if focal_length is not None:
-            fx, *fy = _numbers("--focal-length", focal_length, "one number, or two, fx,fy", (1, 2))
-            length = (fx, fy[0]) if fy else fx
-        point = None
-        if principal_point is not None:
-            column, row = _numbers("--principal-point", principal_point, "two numbers, column,row", (2,))
-            point = column, row
-        options = cls(length, fov, point)
-        if length is not None or fov is not None:
-            try:
-                options.camera_and_source(Path(), (1, 1))
-            except CameraError as error:
-                raise typer.BadParameter(str(error), param_hint=_EITHER) from error
-        return options
-
-    def require(self) -> None:
-        """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is no photo.
-
-        Raises
-        ------
-        typer.BadParameter
-            When neither --focal-length nor --fov is given.
-        """
-        if self.focal_length is None and self.fov is None:
-            raise typer.BadParameter("give one of the two.", param_hint=_EITHER)
-
-    def camera(self, path: Path, shape: tuple[int, int]) -> Camera:
-        """The camera of an image; see :meth:`camera_and_source`."""
-        return self.camera_and_source(path, shape)[0]
-
-    def camera_and_source(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
-        """The camera of an image, and what told its focal length.
-
-        Parameters
-        ----------
-        path : Path
-            The image's file; its EXIF data say the focal length where the options do not.
-        shape : (int, int)
-            (height, width) of the image.
-
-        Raises
-        ------
-        CameraError
-            When the EXIF data lack the focal length.
-
-        Warns
-        -----
-        UserWarning
-            When --focal-length makes so wide a view that it looks like millimetres.
-        """
-        if self.fov is not None:
-            return Camera.from_fov(self.fov, shape, self.principal_point), "--fov"
-        if self.focal_length is None:
-            try:
-                length, tags = exif_focal_length(path)
-            except CameraError as error:
-                raise CameraError(f"{error} Or give --fov, the horizontal field of view in degrees.") from error
-            return Camera(length, self.principal_point), f"EXIF {tags}"
-        camera = Camera(self.focal_length, self.principal_point)
-        view = horizontal_view(camera, shape)
-        if view > _WIDE:
-            warnings.warn(
-                f"--focal-length {camera.fx:g} means a view of {view:.0f} degrees from left to right of the {shape[1]} "
-                "pixels: it is in pixels, not millimetres.",
-                stacklevel=2,
-            )
-        return camera, "--focal-length"
+    return with_signature(choose, [_keyword(name, *about) for name, about in wanted.items()])
 
 
-def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:
-    """Angle in degrees between the left and the right edge of an image of shape (height, width)."""
-    left = camera.centre(shape)[0] + 0.5
-    return math.degrees(math.atan(left / camera.fx) + math.atan((shape[1] - left) / camera.fx))
+def _keyword(name: str, kind: Any, option: Option) -> Parameter:
+    def check(value: Any) -> Any:
+        try:
+            return option.check(name, value)
+        except InputError as error:
+            raise WrongOption(error) from error
 
-
-def chosen_light(
-    kind: LightKind, p0: float | None, q0: float | None, gain: float | None, falloff: bool | None, lamp: str | None
-) -> Light:
-    """The light that the options tell of.
-
-    Raises
-    ------
-    typer.BadParameter
-        When an option belongs to the other light, or a number is impossible.
-    """
-    offset = None if lamp is None else _place_of_lamp(lamp)
-    keywords = _own(
-        "--light",
-        kind,
-        {
-            "parallel": {"--p0": ("p0", p0), "--q0": ("q0", q0)},
-            "flash": {"--gain": ("gain", gain), "--no-falloff": ("falloff", falloff), "--lamp": ("offset", offset)},
-        },
+    typed = typer.Option(
+        f"--{name.replace('_', '-')}",
+        help=option.help or None,
+        min=option.least,
+        max=option.most,
+        callback=check,
+        rich_help_panel=option.panel,
     )
-    try:
-        return ParallelLight(**keywords) if kind == "parallel" else FlashLight(**keywords)
-    except InputError as error:
-        raise typer.BadParameter(str(error), param_hint="'--light'") from error
+    choices: Any = kind
+    if option.choices:
+        choices = Literal[tuple(option.choices())]
+    elif str in get_args(kind):
+        choices = Optional[str]  # noqa: UP045  # whatever else it may be, it can be said by a text
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=option.default, annotation=Annotated[choices, typed])
 
 
-def chosen_reflectance(
-    kind: ReflectanceKind,
-    roughness: float | None,
-    diffuse: float | None,
-    specular: float | None,
-    shininess: float | None,
-) -> Reflectance:
-    """The material that the options tell of.
-
-    Raises
-    ------
-    typer.BadParameter
-        When an option belongs to another material, one that is needed is missing, or a number is impossible.
-    """
-    keywords = _own(
-        "--reflectance",
-        kind,
-        {
-            "lambertian": {},
-            "oren-nayar": {"--roughness": ("roughness", roughness)},
-            "phong": {
-                "--diffuse": ("diffuse", diffuse),
-                "--specular": ("specular", specular),
-                "--shininess": ("shininess", shininess),
-            },
-        },
-    )
-    if kind == "oren-nayar" and roughness is None:
-        raise typer.BadParameter("oren-nayar needs it: 0 is smooth, 0.5 rough.", param_hint="'--roughness'")
-    try:
-        materials: dict[str, Callable[..., Reflectance]] = {
-            "lambertian": Lambertian,
-            "oren-nayar": OrenNayar,
-            "phong": Phong,
-        }
-        return materials[kind](**keywords)
-    except InputError as error:
-        raise typer.BadParameter(str(error), param_hint="'--reflectance'") from error
-
-
-def _own(option: str, choice: str, given: Mapping[str, Mapping[str, tuple[str, Any]]]) -> dict[str, Any]:
-    """Keywords and values of the options that go with a choice; those of other choices must not be given."""
-    for other, options in given.items():
-        for name, (_, value) in options.items():
-            if value is not None and other != choice:
-                raise typer.BadParameter(f"goes with {option} {other}, not {choice}: leave it out.", param_hint=name)
-    return {keyword: value for keyword, value in given[choice].values() if value is not None}
-
-
-def _place_of_lamp(text: str) -> tuple[float, ...]:
-    """Numbers, or angles such as 5deg between camera and lamp, as seen from depth 1."""
-    try:
-        parts = [str(_tangent(part)) if part.strip().endswith("deg") else part for part in text.split(",")]
-    except ValueError as error:
-        message = f"{text!r} is not a place: an angle is a number of degrees between -80 and 80, as in 5deg."
-        raise typer.BadParameter(message, param_hint="'--lamp'") from error
-    return tuple(_numbers("--lamp", ",".join(parts), "three numbers, right,down,forward", (3,), ""))
-
-
-def _tangent(angle: str) -> float:
-    """Of an angle such as 5deg."""
-    degrees = float(angle.strip().removesuffix("deg"))
-    # Written so that a NaN is refused too.
-    if not abs(degrees) <= _LARGEST_ANGLE:
-        raise ValueError(angle)
-    return math.tan(math.radians(degrees))
-
-
-def _numbers(option: str, text: str, meaning: str, counts: tuple[int, ...], unit: str = ", in pixels") -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
-        raise typer.BadParameter(f"{text!r} is not {meaning}{unit}.", param_hint=f"'{option}'")
-    return numbers
+chosen_device = keyword_chooser("device")
+chosen_device_and_precision = keyword_chooser("device", "precision")
+chosen_keywords = keyword_chooser()

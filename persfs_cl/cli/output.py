@@ -1,10 +1,8 @@
-"""Where results go, checked before the work, and errors in the words of the command line."""
+"""Where results go, checked before the work."""
 
 from __future__ import annotations
 
-import re
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
 import typer
@@ -12,42 +10,6 @@ import typer
 from persfs_cl.io.files import is_temporary
 
 _OPTION = "'--output' / '-o'"
-# A word that is not part of a file's name, and its value if it has one.
-_KEYWORD = re.compile(
-    r"""(?<![\w./-]) (?P<name>[a-z]\w*)
-    (= (?: '(?P<text>[^']*)'
-         | \((?P<numbers>[^()]*)\)
-         | (?P<number>nan|inf|-?\d+(\.\d+)?(e[-+]?\d+)?)
-         | (?P<kind>[A-Z]\w*)\([^()]*(\([^()]*\)[^()]*)*\) ))?
-    (?![\w/=-]|\.\w)""",
-    re.VERBOSE,
-)
-
-
-def in_options(message: str, options: Iterable[str]) -> str:
-    """An error message of the library, with the options of a command for keywords of the same names.
-
-    Parameters
-    ----------
-    message : str
-        `scheme='upwind'` becomes `--scheme upwind`, and `known_depth` becomes `--known-depth`; a bare word without an
-        underscore, such as `surface`, stays.
-    options : iterable of str
-        As they are typed, with their hyphens.
-    """
-    keywords = {option.removeprefix("--").replace("-", "_"): option for option in options}
-
-    def typed(found: re.Match[str]) -> str:
-        name, text, numbers, number, kind = found.group("name", "text", "numbers", "number", "kind")
-        if name not in keywords or ("=" not in found[0] and "_" not in name):
-            return found[0]
-        if numbers:
-            text = numbers.replace(" ", "")
-        elif kind:
-            text = re.sub(r"\B(?=[A-Z])", "-", kind).lower().removesuffix("-light")
-        return f"{keywords[name]} {text or number or ''}".rstrip()
-
-    return _KEYWORD.sub(typed, message).replace("the keyword", "the option")
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

@@ -13,7 +13,8 @@ from rich.console import Console
 
 from persfs_cl._cl.selection import select_device
 from persfs_cl.circumstances import circumstances, summary
-from persfs_cl.cli.options import DeviceOption
+from persfs_cl.cli.choosers import takes
+from persfs_cl.cli.options import chosen_device
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import writing
@@ -23,11 +24,14 @@ from persfs_cl.paper import fast_marching
 from persfs_cl.paper.experiments import EXPERIMENTS
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table, fragments, write_fragments
+from persfs_cl.solver.options import Options
 
 _TABLES = "tables.md"
 
 
+@takes(keywords=chosen_device)
 def paper(
+    *,
     quick: Annotated[
         bool, typer.Option("--quick", help="Leave out what takes long, to see that everything works.")
     ] = False,
@@ -39,7 +43,7 @@ def paper(
         Path | None,
         typer.Option(metavar="FILE", help="Put the tables between the markers of this page, not into tables.md."),
     ] = None,
-    device: DeviceOption = None,
+    keywords: Options,
 ) -> None:
     """Do the paper's experiments again: Tables 1 and 2, Figures 2 and 3, with Tankus' method beside its own.
 
@@ -50,7 +54,11 @@ def paper(
     fast_marching.compiled()
     if page is not None:
         check_page(page, quick=quick)
-    plan = Plan(select_device(device), repeats=1, quick=True) if quick else Plan(select_device(device))
+    plan = (
+        Plan(select_device(keywords["device"]), repeats=1, quick=True)
+        if quick
+        else Plan(select_device(keywords["device"]))
+    )
     check_folder(output, overwrite=True)
     foot = summary(circumstances(plan.device, shlex.join(["persfs-cl", *sys.argv[1:]])))
     typer.echo(f"{foot}\n")

@@ -8,59 +8,46 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
+from persfs_cl.cli.choosers import takes
+from persfs_cl.cli.numbers import positive
 from persfs_cl.cli.options import (
     AlbedoOption,
-    CameraOptions,
-    DeviceOption,
-    DiffuseOption,
-    FalloffOption,
-    FieldOfViewOption,
-    FocalLengthOption,
-    GainOption,
-    LampOption,
-    LightOption,
-    P0Option,
-    PrecisionOption,
-    PrincipalPointOption,
-    Q0Option,
-    ReflectanceOption,
-    RoughnessOption,
-    ShininessOption,
-    SpecularOption,
+    chosen_camera,
+    chosen_device_and_precision,
     chosen_light,
     chosen_reflectance,
-    positive,
+    require_focal_length,
 )
 from persfs_cl.cli.output import check_file
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.export import write_grey
 from persfs_cl.io.maps import read_depth, read_light, read_mask
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.options import Options
 from persfs_cl.surface.render import render as photograph
 
 Bits = Literal["8", "16"]
 _IMAGE = "Image"
 
 
+@takes(
+    light=chosen_light,
+    reflectance=chosen_reflectance,
+    camera=chosen_camera,
+    keywords=chosen_device_and_precision,
+)
 def render(
     depth: Annotated[
         Path, typer.Argument(metavar="DEPTH", help="A depth map, .npy or .tiff, NaN where there is no surface.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="IMAGE", help="PNG or TIFF file to write.")],
+    *,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")] = False,
-    focal_length: FocalLengthOption = None,
-    fov: FieldOfViewOption = None,
-    principal_point: PrincipalPointOption = None,
-    light: LightOption = "parallel",
-    p0: P0Option = None,
-    q0: Q0Option = None,
-    gain: GainOption = None,
-    falloff: FalloffOption = None,
-    lamp: LampOption = None,
-    reflectance: ReflectanceOption = "lambertian",
-    roughness: RoughnessOption = None,
-    diffuse: DiffuseOption = None,
-    specular: SpecularOption = None,
-    shininess: ShininessOption = None,
+    camera: CameraChoice,
+    light: Light,
+    reflectance: Reflectance,
     albedo: AlbedoOption = None,
     mask: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Image, white where to render, or .npy of bool.")
@@ -83,39 +70,35 @@ def render(
             rich_help_panel=_IMAGE,
         ),
     ] = None,
-    device: DeviceOption = None,
-    precision: PrecisionOption = "float32",
+    keywords: Options,
 ) -> None:
     """Photograph a depth map: the forward model, eq. (6), and its kin for other lights and materials.
 
     Pixels without surface, and those turned away from the light, are black.
     """
-    lit_by = chosen_light(light, p0, q0, gain, falloff, lamp)
-    material = chosen_reflectance(reflectance, roughness, diffuse, specular, shininess)
-    camera = CameraOptions.parse(focal_length, fov, principal_point)
-    camera.require()
+    require_focal_length(camera)
     check_file(output, (".png", ".tif", ".tiff"), overwrite=overwrite)
     values = read_depth(depth)
     shape = (values.shape[0], values.shape[1])
     inside = None if mask is None else read_mask(mask, shape)
     shares = None if albedo is None else read_light(albedo, shape)
-    pinhole = camera.camera(depth, shape)
+    pinhole, _ = camera.of(depth, shape)
     try:
         image = photograph(
             values,
             pinhole,
-            light=lit_by,
-            reflectance=material,
+            light=light,
+            reflectance=reflectance,
             mask=inside,
             albedo=shares,
-            device=device,
-            precision=precision,
+            device=keywords["device"],
+            precision=keywords["precision"],
         )
     except (InputError, CameraError) as error:
-        raise type(error)(f"{depth}: {error}") from error
+        raise error.at(depth) from error
     if white is None:
-        white = 1.0 if lit_by.normalised else float(np.nanmax(image))
+        white = 1.0 if light.normalised else float(np.nanmax(image))
     write_grey(output, image / white, 8 if bits == "8" else 16, encoding=encoding)
     typer.echo(output)
-    if not lit_by.normalised:
+    if not light.normalised:
         typer.echo(f"White is a brightness of {white:g}.", err=True)

@@ -15,6 +15,7 @@ from persfs_cl.io.files import FilePath, read_bytes
 from persfs_cl.io.raw import refuse_raw
 from persfs_cl.io.remarks import decoding
 from persfs_cl.io.tiff import BIG_SIGNATURES, IMAGE_LENGTH, IMAGE_WIDTH, SIGNATURES, Directory, read_directories
+from persfs_cl.wording import keyword
 
 # The frame of 35 mm film is 36 mm × 24 mm.
 _FILM_DIAGONAL = math.hypot(36.0, 24.0)
@@ -35,7 +36,7 @@ _EDITORS = re.compile(
     r"photo gallery|zoner|polarr|vsco|canva|pixlr|adobe|ffmpeg|nikon transfer|capture nx|viewnx|digital photo prof",
     re.IGNORECASE,
 )
-_TELL = "Give focal_length, in pixels."
+_TELL = f"Give {keyword('focal_length')}, in pixels."
 
 
 def exif_focal_length(path: FilePath) -> tuple[float, str]:
@@ -66,7 +67,7 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
             warn(
                 f"The EXIF data of {path} disagree: by FocalLengthIn35mmFilm the focal length is {by_film:.5g} pixels, "
                 f"by FocalLength and FocalPlaneXResolution {by_sensor:.5g}. The first is taken. If the photo was "
-                "resized or cropped, give focal_length, in pixels.",
+                f"resized or cropped, give {keyword('focal_length')}, in pixels.",
             )
         return by_film, "FocalLengthIn35mmFilm"
     if not tags:
@@ -102,7 +103,7 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
         warn(
             f"By {what} the sensor of {path} is {sensor:.2g} mm wide behind a lens of {length:g} mm, a view of "
             f"{view:.1f}° along the longer side; but {doubt}, so that an editor may have resized it without mending "
-            "FocalPlaneXResolution. Check these numbers, or give focal_length, in pixels.",
+            f"FocalPlaneXResolution. Check these numbers, or give {keyword('focal_length')}, in pixels.",
         )
     return by_sensor, "FocalLength and FocalPlaneXResolution"
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import as_array
+from persfs_cl.checks import as_array, check_choice
 from persfs_cl.colour import encode_srgb, quantised
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, as_path, atomic_path
@@ -98,9 +98,8 @@ def write_grey(
     if suffix not in (".png", *_TIFF_SUFFIXES):
         raise InputError(f"{target} cannot hold a grey image: give a name that ends in .png, .tif or .tiff.")
     if bits not in (8, 16):
-        raise InputError(f"bits={bits!r} is impossible: give 8 or 16.")
-    if encoding not in ("srgb", "linear"):
-        raise InputError(f"encoding={encoding!r} is unknown: give srgb or linear.")
+        raise InputError.about("bits", bits, "is impossible: give 8 or 16.")
+    check_choice("encoding", encoding, ("srgb", "linear"))
     values = _grey_array(image, "image")
     levels = quantised(encode_srgb(values) if encoding == "srgb" else values, bits)
     # In memory first: imageio's writers print a traceback of their own when the disk is full.

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import to_float64, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io.decode import TURNED, read_npy, read_raster, require_brightness
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.io.photos import Channel, Encoding, read_photo
 
-Array = NDArray[np.float64]
 _TIFF_SUFFIXES = (".tif", ".tiff")
 _ON_A_SIDE = (5, 6, 7, 8)
 

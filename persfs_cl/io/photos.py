@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import check_choice
 from persfs_cl.colour import decode_srgb, to_display
 from persfs_cl.io.decode import read_raster, require_brightness
 from persfs_cl.io.files import FilePath, as_path
 
-Array = NDArray[np.float64]
 Channel = Literal["luminance", "red", "green", "blue", "mean", "max"]
 Encoding = Literal["auto", "srgb", "linear"]
 # Shares of linear red, green and blue.
@@ -179,8 +179,8 @@ def read_photo(
     >>> photo.image.shape, photo.colour.shape
     ((72, 72), (72, 72, 3))
     """
-    check_choice("channel", channel, get_args(Channel))
-    check_choice("encoding", encoding, get_args(Encoding))
+    check_choice("channel", channel, Channel)
+    check_choice("encoding", encoding, Encoding)
     path = as_path(path)
     raster = read_raster(path)
     require_brightness(path, raster, keep_nan=keep_nan)

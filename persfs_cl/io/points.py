@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from persfs_cl.checks import FARTHEST, NEAREST, brief, finite_number
+from persfs_cl.arrays import Array
+from persfs_cl.checks import finite_number
+from persfs_cl.depths import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, as_path, read_bytes
-
-Array = NDArray[np.float64]
+from persfs_cl.wording import brief
 
 _FIELDS = ("column", "row", "depth")
 _FARTHEST_PIXEL = 1e9

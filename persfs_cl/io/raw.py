@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
 from persfs_cl.io.tiff import DNG_VERSION, MAKE, PHOTOMETRIC, SUB_IFDS, Directory
+from persfs_cl.wording import keyword
 
 _COLOUR_FILTER_ARRAY, _LINEAR_RAW = 32803, 34892
 # What stands at which byte.
@@ -60,7 +61,7 @@ def refuse_raw(path: FilePath, data: bytes, pages: Sequence[Directory] = ()) -> 
     if kind:
         raise InputError(
             f"{path} is a camera raw file ({kind}), which is not read. Develop it in a raw developer, linearly and "
-            "without a tone curve, to a 16-bit TIFF file, and give that with encoding='linear'."
+            f"without a tone curve, to a 16-bit TIFF file, and give that with {keyword('encoding', 'linear')}."
         )
 
 

@@ -10,16 +10,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.metrics import Errors
 from persfs_cl.paper import tankus
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.reconstruct import reconstruct
 
-Array = NDArray[np.float64]
 Judge = Callable[[Array], Errors]
 """Tells the errors of a depth map."""
 

@@ -16,9 +16,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import UnavailableError
 
-Array = NDArray[np.float64]
 March = Callable[[Array, NDArray[np.bool_], Array, Array, Array], Array]
 
 

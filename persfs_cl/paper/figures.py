@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.io.files import FilePath, atomic_path
 from persfs_cl.paper.course import Course
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
     from mpl_toolkits.mplot3d import Axes3D
 
-Array = NDArray[np.float64]
 
 _DOTS_PER_INCH = 105
 # Okabe and Ito's, which colour-blind people tell apart too.

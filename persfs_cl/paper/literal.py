@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
+from persfs_cl.arrays import Array
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.reference import Reference
-
-Array = NDArray[np.float64]
 
 _SCHEME = "lax-friedrichs"
 _NO_BOUND = 1e4

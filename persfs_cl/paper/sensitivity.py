@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
@@ -22,8 +22,6 @@ from persfs_cl.paper.vase import CLOSEST, START
 from persfs_cl.scenes.analytic import vase
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.reconstruct import reconstruct
-
-Array = NDArray[np.float64]
 
 ITERATIONS = (1, 5, 15, 30)
 _THRESHOLDS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)

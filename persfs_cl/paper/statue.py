@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.colour import encode_srgb
 from persfs_cl.io.maps import read_mask
@@ -33,9 +34,6 @@ from persfs_cl.preparation.prepare import Normalise, Preparation, PreparedPhoto,
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.surface.render import render
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _DATA = Path(__file__).resolve().parent.parent / "data"
 PHOTO = _DATA / "skull.png"

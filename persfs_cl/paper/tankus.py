@@ -34,6 +34,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import check_choice, finite_number
 from persfs_cl.choices import Surface
@@ -42,8 +43,6 @@ from persfs_cl.paper import fast_marching
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
-
-Array = NDArray[np.float64]
 
 _DARKEST = 1e-6
 """Black pixels are taken to be so bright; the largest slope is reached long before."""
@@ -116,18 +115,22 @@ def iterations(
         When numba is not installed.
     """
     if not isinstance(light, ParallelLight):
-        raise InputError(f"light={light!r} is no parallel light, the only one of this method: give ParallelLight().")
+        raise InputError.about(
+            "light", light, "is no parallel light, the only one of this method: give ParallelLight()."
+        )
     check_choice("surface", surface, ("away", "toward"))
     if not finite_number(max_slope) > 0:
-        raise InputError(f"max_slope={max_slope!r} is no slope: give a finite number above 0.")
+        raise InputError.about("max_slope", max_slope, "is no slope: give a finite number above 0.")
     options = complete({"light": light, "scheme": "lax-friedrichs", "surface": surface, "boundary": "wall"})
     options["max_slope"] = float(max_slope)
     problem = prepare(image, camera, mask, None, known_depth, options=options)
     facing = 1.0 + light.p0 * problem.grid.x + light.q0 * problem.grid.y
     if facing.min() <= 0.0:
-        raise InputError(
-            f"light={light!r}: some pixels look into the light, where no surface faces it. Crop the image, or give a "
-            "light closer to the camera's axis."
+        raise InputError.about(
+            "light",
+            light,
+            ": some pixels look into the light, where no surface faces it. Crop the image, or give a "
+            "light closer to the camera's axis.",
         )
     return _iterate(problem, light, problem.sign * np.log(facing), fast_marching.compiled())
 

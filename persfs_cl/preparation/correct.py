@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
-from persfs_cl.checks import as_array
-from persfs_cl.errors import InputError
+from persfs_cl.checks import as_array, as_floats, unlike
+from persfs_cl.maps import as_map
 from persfs_cl.preparation.normalise import checked
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def subtract_ambient(image: ArrayLike, ambient: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
@@ -41,12 +39,13 @@ def subtract_ambient(image: ArrayLike, ambient: ArrayLike, *, mask: ArrayLike | 
         be used.
     """
     values, inside = checked(image, mask)
-    offset = _map("ambient light", ambient, values.shape)
+    offset = _map("ambient", ambient, values.shape)
     bad = inside & ~(np.isfinite(offset) & (offset >= 0))
     if bad.any():
-        raise InputError(
-            f"The ambient light is {offset[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers, "
-            "0 or more."
+        raise unlike(
+            "ambient",
+            ambient,
+            f"is {offset[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers, 0 or more.",
         )
     light = np.subtract(values, offset, out=values.copy(), where=inside)
     negative = inside & (light < 0)
@@ -82,9 +81,11 @@ def divide_vignetting(image: ArrayLike, vignetting: ArrayLike, *, mask: ArrayLik
     share = _map("vignetting", vignetting, values.shape)
     bad = inside & ~(np.isfinite(share) & (share > 0))
     if bad.any():
-        raise InputError(
-            f"The vignetting is {share[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers above "
-            "0, or mask these pixels out."
+        raise unlike(
+            "vignetting",
+            vignetting,
+            f"is {share[bad][0]:g} or so at {np.count_nonzero(bad)} pixels: give finite numbers above 0, or mask these "
+            "pixels out.",
         )
     return np.divide(values, share, out=values.copy(), where=inside)
 
@@ -117,10 +118,5 @@ def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
 
 def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:
     """One number a pixel, from one an image or one a pixel."""
-    values = as_array(name, given)
-    if values.dtype.kind not in "iuf" or values.shape not in ((), shape):
-        raise InputError(
-            f"The {name} is {values.dtype} of shape {values.shape}: give an array of numbers of the image's shape, "
-            f"{shape}."
-        )
-    return np.asarray(np.broadcast_to(values, shape), dtype=np.float64)
+    whole = as_array(name, given).ndim == 0
+    return np.broadcast_to(as_floats(name, given), shape) if whole else as_map(name, given, shape)

@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.checks import as_array, brief, finite_number
-from persfs_cl.errors import InputError
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.checks import as_mask, as_number, as_whole_number, unlike
 from persfs_cl.masks import connected
 from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.preparation.normalise import checked
 
-Array = NDArray[np.float64]
 Light = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 _NOTEWORTHY = 0.1
 """Share of the brightest value below which noise could be taken for a spot."""
@@ -60,13 +58,12 @@ def find_specular(
     """
     values, inside = checked(image, mask)
     if (lowest := float(values[inside].min())) < 0:
-        raise InputError(f"The image goes down to {lowest:g}: linear light cannot be negative. Clip it at 0.")
-    if not finite_number(factor) >= 1:
-        raise InputError(f"factor={brief(factor)} is impossible: give a finite number, 1 or more.")
+        raise unlike("image", image, f"goes down to {lowest:g}: linear light cannot be negative. Clip it at 0.")
+    factor = as_number("factor", factor, least=1.0)
     if size is None:
         size = max(3, min(values.shape) // 10 | 1)
-    elif isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
-        raise InputError(f"size={brief(size)} is not an odd number above 0: give the width in pixels that no spot has.")
+    else:
+        size = as_whole_number("size", size, least=1, odd=True, what="a width", hint=", of pixels that no spot has")
     # Outside there is nothing to see, and single precision finds the same pixels in half the time.
     rows, columns = _span(np.logical_or.reduce(inside, axis=1)), _span(np.logical_or.reduce(inside))
     within, light = inside[rows, columns], values[rows, columns].astype(np.float32)
@@ -98,12 +95,9 @@ def dilate(pixels: ArrayLike, radius: int) -> Mask:
     InputError
         When `pixels` is no image of bool, or `radius` is no whole number, 0 or more.
     """
-    given = as_array("pixels", pixels)
-    if given.dtype != np.bool_ or given.ndim != 2:
-        raise InputError(f"The pixels are {given.dtype} of shape {given.shape}: give bool, (height, width).")
-    if isinstance(radius, bool) or not isinstance(radius, (int, np.integer)) or radius < 0:
-        raise InputError(f"radius={brief(radius)} is impossible: give a whole number of pixels, 0 or more.")
-    return np.asarray(_extreme(given, 2 * int(radius) + 1, np.logical_or, False))
+    given = as_mask("pixels", pixels)
+    width = 2 * as_whole_number("radius", radius) + 1
+    return np.asarray(_extreme(given, width, np.logical_or, False))
 
 
 def fill_smoothly(image: ArrayLike, holes: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
@@ -133,11 +127,7 @@ def fill_smoothly(image: ArrayLike, holes: ArrayLike, *, mask: ArrayLike | None 
         When `holes` is no array of bool of the image's shape, or `image` or `mask` cannot be used.
     """
     values, inside = checked(image, mask)
-    pixels = as_array("holes", holes)
-    if pixels.dtype != np.bool_ or pixels.shape != values.shape:
-        raise InputError(
-            f"The holes are {pixels.dtype} of shape {pixels.shape}: give bool of the image's shape {values.shape}."
-        )
+    pixels = as_mask("holes", holes, values.shape)
     given = inside & ~pixels
     unknown = inside & pixels & connected(given, inside)
     if unknown.any():

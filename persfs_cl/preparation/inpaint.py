@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from persfs_cl.arrays import Array, Mask
+
 Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 _TOLERANCE = 1e-12
 """Residual of the equations, as a share of their right-hand side."""

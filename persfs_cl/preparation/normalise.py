@@ -7,18 +7,14 @@ included; each function says what becomes of them.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.checks import as_array, brief, finite_number, to_float64
+from persfs_cl.checks import as_mask, as_number, as_whole_number, unlike
 from persfs_cl.errors import InputError
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
+from persfs_cl.maps import as_image
 
 _LARGEST = 1e100
 """Of a number of an image: products of it with any other still have a double-precision number."""
@@ -55,18 +51,15 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
            [2.25, 1.5 , 2.25]])
     """
     values, inside = checked(image, mask)
-    if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1 or size % 2 == 0:
-        raise InputError(f"The mean filter's size {size!r} is not an odd number above 0: give 3 or 5, say.")
+    size = as_whole_number("size", size, least=1, odd=True, what="a width", hint=", such as 3 or 5")
     if size > min(values.shape):
-        raise InputError(
-            f"The mean filter's size {size} is larger than the image, {_size(values)}: give a smaller one."
-        )
-    margin = int(size) // 2
+        raise InputError.about("size", size, f"is larger than the image, {_size(values)}: give a smaller mean filter.")
+    margin = size // 2
     light, present = np.pad(np.where(inside, values, 0.0), margin), np.pad(inside, margin)
     for rows in row_blocks(values.shape):
         near = slice(rows.start, rows.stop + 2 * margin)
-        total = _window_sum(light[near], int(size))
-        count = _window_sum(present[near].astype(np.float64), int(size))
+        total = _window_sum(light[near], size)
+        count = _window_sum(present[near].astype(np.float64), size)
         np.divide(total, count, out=values[rows], where=inside[rows])
     return values
 
@@ -198,8 +191,8 @@ def normalise_linear(
         )
     if brightest is None:
         brightest = brightest_diffuse(values, mask=inside, percentile=percentile)
-    elif not finite_number(brightest) > 0:
-        raise InputError(f"brightest={brief(brightest)} is not a brightness: give a finite number above 0.")
+    else:
+        brightest = as_number("brightest", brightest, above=0.0, what="a brightness")
     # What lies outside the mask may be anything.
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.clip(values / brightest, 0.0, 1.0))
@@ -250,8 +243,8 @@ def clip_highlights(
     values, inside = checked(image, mask)
     if threshold is None:
         threshold = _percentile(values, inside, percentile)
-    elif math.isnan(finite_number(threshold)):
-        raise InputError(f"threshold={brief(threshold)} is not a brightness: give a finite number.")
+    else:
+        threshold = as_number("threshold", threshold, what="a brightness")
     highlights = inside & (values > threshold)
     return np.where(highlights, threshold, values), highlights
 
@@ -277,31 +270,20 @@ def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
     InputError
         When one of the two is of another kind, or the mask selects no pixel.
     """
-    given = as_array("image", image)
-    if given.dtype.kind not in "iuf":
-        raise InputError(f"The image holds {given.dtype}, not numbers: give an array of integers or floats.")
-    if given.ndim != 2 or given.size == 0:
-        raise InputError(f"The image has shape {given.shape}: give one grey image, (height, width).")
-    inside = np.ones(given.shape, dtype=np.bool_) if mask is None else as_array("mask", mask)
-    if inside.dtype != np.bool_:
-        raise InputError(f"The mask holds {inside.dtype}, not bool: give mask > 0 or similar.")
-    if inside.shape != given.shape:
-        raise InputError(f"The mask has shape {inside.shape}, the image {given.shape}: make them the same.")
+    values = as_image("image", image).copy()
+    inside = np.ones(values.shape, dtype=np.bool_) if mask is None else as_mask("mask", mask, values.shape)
     if not inside.any():
-        raise InputError("The mask selects no pixel: give one that is True where the image is to be used.")
-    values = to_float64(given).copy()
+        raise unlike("mask", mask, "selects no pixel: give one that is True where the image is to be used.")
     bad = np.count_nonzero(~np.isfinite(values[inside]))
     if bad:
-        raise InputError(f"The image has {bad} NaN or infinite pixels: mask them out, or replace them.")
+        raise unlike("image", image, f"has {bad} NaN or infinite pixels: mask them out, or replace them.")
     if (largest := float(np.abs(values[inside]).max())) > _LARGEST:
-        raise InputError(f"The image goes up to {largest:g}, of which sums overflow: divide it by its largest value.")
+        raise unlike("image", image, f"goes up to {largest:g}, of which sums overflow: divide it by its largest value.")
     return values, inside
 
 
 def _percentile(values: Array, inside: Mask, percentile: float) -> float:
-    share = finite_number(percentile)
-    if not 0 < share <= 100:
-        raise InputError(f"percentile={brief(percentile)} is impossible: give a number above 0, at most 100.")
+    share = as_number("percentile", percentile, above=0.0, most=100.0)
     return float(np.percentile(values[inside], share))
 
 

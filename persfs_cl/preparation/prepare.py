@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_array, brief, finite_number
+from persfs_cl.checks import as_array, as_number, check_choice
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Photo
 from persfs_cl.preparation.correct import cos4_vignetting, divide_vignetting, subtract_ambient
@@ -29,8 +30,6 @@ from persfs_cl.preparation.normalise import (
     normalise_linear,
 )
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Highlights = Literal["keep", "mask", "fill"]
 Normalise = Literal["linear", "grey", "none"]
 
@@ -87,21 +86,15 @@ class Preparation:
     mean_filter: int = 1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.highlights, str) or self.highlights not in get_args(Highlights):
-            raise InputError(
-                f"highlights={brief(self.highlights)} is unknown: give one of {', '.join(get_args(Highlights))}."
-            )
+        check_choice("highlights", self.highlights, Highlights)
         known = isinstance(self.vignetting, str) and self.vignetting in ("none", "cos4")
         if not known and (isinstance(self.vignetting, str) or as_array("vignetting", self.vignetting).ndim == 0):
-            raise InputError(f"vignetting={brief(self.vignetting)} is unknown: give 'none', 'cos4' or an array.")
+            raise InputError.about("vignetting", self.vignetting, "is unknown: give 'none', 'cos4' or an array.")
         for name in ("ambient", "saturation"):
             value = getattr(self, name)
             if value is None or (name == "ambient" and not isinstance(value, str) and as_array(name, value).ndim):
                 continue
-            number = finite_number(value)
-            if not number >= 0:
-                raise InputError(f"{name}={brief(value)} is no brightness: give a finite number, 0 or more.")
-            object.__setattr__(self, name, number)
+            object.__setattr__(self, name, as_number(name, value, least=0.0, what="a brightness"))
 
     def __repr__(self) -> str:
         values = ((field.name, getattr(self, field.name)) for field in fields(self))
@@ -201,11 +194,9 @@ class PreparedPhoto:
             image = normalise_grey(image, self.mask, percentile=percentile)
             inside = self.light[self.mask]
             black, white = float(inside.min()), float(np.percentile(inside, percentile))
-        elif how != "none":
-            raise InputError(f"how={brief(how)} is unknown: give one of {', '.join(get_args(Normalise))}.")
         elif percentile is not None:
-            raise InputError(
-                f"percentile={brief(percentile)} has no meaning where nothing is normalised: leave it out."
+            raise InputError.about(
+                "percentile", percentile, "has no meaning where nothing is normalised: leave it out."
             )
         unfiltered = np.clip((self.unfiltered - black) / (white - black), 0.0, 1.0)
         report = {
@@ -281,15 +272,20 @@ def prepare_photo(
     ('CONVERGED', (72, 72))
     """
     if not isinstance(photo, Photo):
-        raise InputError(f"photo={brief(photo)} is no Photo: give read_photo(path), or take the functions of grey.py.")
+        raise InputError.about(
+            "photo", photo, "is no Photo: give read_photo(path), or take the functions of persfs_cl.preparation."
+        )
     if not isinstance(preparation, Preparation):
-        raise InputError(f"preparation={brief(preparation)} is none: give Preparation(...), or leave it out.")
+        raise InputError.about("preparation", preparation, "is none: give Preparation(...), or leave it out.")
     require_camera(camera)
     for name, number in (("ambient", preparation.ambient), ("saturation", preparation.saturation)):
         if isinstance(number, float) and photo.white is not None and number > photo.white:
-            raise InputError(
-                f"{name}={number:g} is more than {photo.white:g}, the largest number in a photo of {photo.bits} bits: "
-                "give a number as the file holds it."
+            raise InputError.about(
+                name,
+                number,
+                f"is more than {photo.white:g}, the largest number in a photo of {photo.bits} bits: give a number as "
+                "the file holds it.",
+                written=f"{number:g}",
             )
     values, inside = checked(photo.image, photo.mask if mask is None else mask)
     light, below = _without_ambient(photo, values, preparation.ambient, inside)
@@ -360,7 +356,9 @@ def _without_ambient(photo: Photo, values: Array, ambient: float | ArrayLike, in
         if photo.channel == "max":
             raise InputError(
                 "Of the largest of three colours, the light of the lamp cannot be told by subtraction: read photo and "
-                "ambient light with another channel, or give the ambient light as one number."
+                "ambient light with another channel, or give the ambient light as one number.",
+                argument="ambient",
+                value=ambient,
             )
         offset = ambient
     light, below = subtract_ambient(values, offset, mask=inside)

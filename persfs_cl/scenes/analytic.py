@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
-from persfs_cl.checks import brief, check_choice, check_finite, check_positive
+from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.scenes.exposure import Exposure, checked_shape, frame, put_together, square_camera, turn
@@ -23,8 +22,8 @@ from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.wording import brief
 
-Array = NDArray[np.float64]
 VaseKnown = Literal["background and frame", "background"]
 _FRONTAL = ParallelLight()
 _MATT = Lambertian()
@@ -92,8 +91,8 @@ def vase(
     """
     height, width = checked_shape(shape)
     exposure = Exposure(light, reflectance, bits, noise, seed)
-    check_choice("surface", surface, get_args(Surface))
-    check_choice("known", known, get_args(VaseKnown))
+    check_choice("surface", surface, Surface)
+    check_choice("known", known, VaseKnown)
     check_positive("offset", offset)
     camera = Camera(focal_length=(float(width), float(height)))
     grid = camera.grid(shape)
@@ -107,7 +106,7 @@ def vase(
     sign = 1.0 if surface == "away" else -1.0
     depth = offset + sign * bulge
     if depth.min() <= 0:
-        raise InputError(f"offset={brief(offset)} puts the vase behind the camera: give more than {bulge.max():.3g}.")
+        raise InputError.about("offset", offset, f"puts the vase behind the camera: give more than {bulge.max():.3g}.")
     scale = np.divide(sign, bulge * depth, out=np.zeros_like(depth), where=inside)
     # v points up and y down, hence the opposite signs.
     p, q = -u * scale, -radius * radius_slope * scale
@@ -168,7 +167,7 @@ def hillside(
     ((40, 60), 'toward')
     """
     exposure = Exposure(light, reflectance, bits, noise, seed)
-    check_choice("surface", surface, get_args(Surface))
+    check_choice("surface", surface, Surface)
     check_positive("relief", relief)
     camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
@@ -181,9 +180,9 @@ def hillside(
     fall_right, fall_down = -0.4 * unit**2, 0.25 * unit**2
     plane = 1 + fall_right * right + fall_down * down
     if plane.min() <= 0:
-        raise InputError(f"focal_length={brief(focal_length)} gives a view that looks past the slope: give more.")
+        raise InputError.about("focal_length", focal_length, "gives a view that looks past the slope: give more.")
     if value.min() <= -1:
-        raise InputError(f"relief={brief(relief)} takes the surface behind the camera: give less.")
+        raise InputError.about("relief", relief, "takes the surface behind the camera: give less.")
     slope_right = -8 * (right - 0.3) * value / (1 + value) - fall_right / plane
     slope_down = -8 * (down + 0.2) * value / (1 + value) - fall_down / plane
     p, q = (cosine * slope_right + sine * slope_down) / unit, (cosine * slope_down - sine * slope_right) / unit
@@ -249,7 +248,7 @@ def sphere_cap(
     (1.125, 1.0)
     """
     exposure = Exposure(light, reflectance, bits, noise, seed)
-    check_choice("surface", surface, get_args(Surface))
+    check_choice("surface", surface, Surface)
     check_positive("relief", relief)
     check_positive("radius", radius)
     check_finite("centre", *centre)
@@ -258,17 +257,20 @@ def sphere_cap(
     unit = min(shape[1] * grid.dx, shape[0] * grid.dy) / 2
     reach = math.hypot(*centre) + radius
     if reach >= 1:
-        raise InputError(
-            f"radius={brief(radius)} around centre={brief(centre)} reaches {reach:.3g} of the way to the edge of the"
-            " image: keep it below 1."
+        raise InputError.about(
+            "radius",
+            radius,
+            f"around centre={brief(centre)} reaches {reach:.3g} of the way to the edge of the image: keep it below 1.",
         )
     base = radius * unit
     incline = 2 * math.atan(relief / base)
     steepest = base * math.tan((math.pi / 2 - math.atan(reach * unit)) / 2)
     if relief >= min(steepest, 1.0):
-        raise InputError(
-            f"relief={brief(relief)} inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
-            f" seen all round: give less than {min(steepest, 1.0):.3g}."
+        raise InputError.about(
+            "relief",
+            relief,
+            f"inclines the rim of the cap by {math.degrees(incline):.0f}°, too steep to be"
+            f" seen all round: give less than {min(steepest, 1.0):.3g}.",
         )
     cosine, sine = turn(orientation)
     centre_x = unit * (cosine * centre[0] + sine * centre[1])

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from numbers import Integral
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import brief, check_finite
+from persfs_cl.checks import as_number, as_whole_number, check_finite
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.scenes.scene import Scene
@@ -22,8 +22,6 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 _FRONTAL = ParallelLight()
 _MATT = Lambertian()
 
@@ -41,13 +39,12 @@ class Exposure:
     def __post_init__(self) -> None:
         require_light(self.light)
         require_reflectance(self.reflectance)
-        if self.bits is not None and not (_is_whole(self.bits) and 1 <= self.bits <= 32):
-            raise InputError(f"bits={brief(self.bits)} is no quantisation: give 1 to 32, or None for unquantised.")
-        check_finite("noise", self.noise)
-        if self.noise < 0:
-            raise InputError(f"noise={brief(self.noise)} is below 0: give a share of the brightest value, 0 for none.")
-        if not (_is_whole(self.seed) and self.seed >= 0):
-            raise InputError(f"seed={brief(self.seed)} starts no random numbers: give a whole number of at least 0.")
+        if self.bits is not None:
+            as_whole_number(
+                "bits", self.bits, least=1, most=32, what="a quantisation", hint=", or None for unquantised"
+            )
+        as_number("noise", self.noise, least=0.0, hint=": a share of the brightest value, 0 for none")
+        as_whole_number("seed", self.seed, what="a start of random numbers")
 
     @property
     def tilt(self) -> tuple[float, float]:
@@ -64,7 +61,7 @@ class Exposure:
         exact = self.light.brightness(np.log(depth), *log_depth_gradient, grid.x, grid.y, self.reflectance)
         image = self._in_range(exact)
         if not image.any():
-            raise InputError(f"light={brief(self.light)} lights nothing that the camera sees: move it to the camera.")
+            raise InputError.about("light", self.light, "lights nothing that the camera sees: move it to the camera.")
         if self.noise:
             spread = self.noise * self._white(image)
             image = self._in_range(image + np.random.default_rng(self.seed).normal(scale=spread, size=image.shape))
@@ -124,9 +121,5 @@ def checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
     """Height and width; InputError when they are none, or below 3."""
     sides = tuple(shape) if isinstance(shape, Sequence) else ()
     if len(sides) != 2 or not all(isinstance(side, Integral) and side >= 3 for side in sides):
-        raise InputError(f"shape={brief(shape)} is no image size: give (height, width), both whole and at least 3.")
+        raise InputError.about("shape", shape, "is no image size: give (height, width), both whole and at least 3.")
     return sides[0], sides[1]
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool)

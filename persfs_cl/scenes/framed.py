@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from persfs_cl.checks import brief, check_choice, check_positive
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.checks import check_choice, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.scenes.exposure import Exposure, put_together, square_camera, turn
@@ -23,8 +22,6 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 _FRONTAL = ParallelLight()
 _MATT = Lambertian()
 
@@ -184,7 +181,7 @@ def _framed(
     relief: float,
 ) -> Scene:
     """1 ± relief (1 - ξ²)(1 - η²) profile, which returns its value and its two slopes at turned (X, Y)."""
-    check_choice("surface", surface, get_args(Surface))
+    check_choice("surface", surface, Surface)
     check_positive("relief", relief)
     camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
@@ -201,7 +198,7 @@ def _framed(
     signed_relief = relief if surface == "away" else -relief
     depth = 1 + signed_relief * window_x * window_y * value
     if depth.min() <= 0:
-        raise InputError(f"relief={brief(relief)} takes the surface behind the camera: give less.")
+        raise InputError.about("relief", relief, "takes the surface behind the camera: give less.")
     p = signed_relief * window_y * (window_x * slope_x - 2 * grid.x / half_width**2 * value) / depth
     q = signed_relief * window_x * (window_y * slope_y - 2 * grid.y / half_height**2 * value) / depth
     return put_together(name, camera, exposure, surface, depth, (p, q))

@@ -7,11 +7,11 @@ import io
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.errors import InputError
@@ -27,7 +27,6 @@ from persfs_cl.shading.reflectance import Reflectance
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
 Up = Literal["y", "z"]
 # Rows are the camera's axes (x right, y down, z forward) in those of the mesh.
 _FRONT_VIEW = {
@@ -133,11 +132,11 @@ def mesh_scene(
     import trimesh
 
     exposure = Exposure(light, reflectance, bits, noise, seed)
-    check_choice("up", up, get_args(Up))
+    check_choice("up", up, Up)
     check_finite("turn", turn)
     check_finite("margin", margin)
     if not 0 <= margin < 0.5:
-        raise InputError(f"margin={margin!r} leaves no image: give at least 0 and less than 0.5.")
+        raise InputError.about("margin", margin, "leaves no image: give at least 0 and less than 0.5.")
     check_positive("distance", distance)
     camera = square_camera(shape, focal_length)
     grid = camera.grid(shape)
@@ -155,7 +154,7 @@ def mesh_scene(
     view = _trimmed(mesh_view(trimesh.Trimesh(vertices, mesh.faces, process=False), camera, shape))
     mask = np.isfinite(view.depth)
     if not mask.any():
-        raise InputError(f"shape={shape!r} is too small to show the mesh {name!r}: give more pixels.")
+        raise InputError.about("shape", shape, f"is too small to show the mesh {name!r}: give more pixels.")
     (left, right), (above, below) = view.differences(np.log(view.depth))
     p, q = _mean(left, right) / grid.dx, _mean(above, below) / grid.dy
     x, y = np.broadcast_arrays(grid.x, grid.y)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

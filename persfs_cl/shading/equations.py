@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from persfs_cl.arrays import Array
 from persfs_cl.shading.forward import Direction, Parallel, reflectance_map, shade, surface_norm
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 Slopes = tuple[Array, Array]
 

@@ -9,15 +9,18 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import PixelGrid
-from persfs_cl.checks import FARTHEST, NEAREST, brief, finite_number, finite_numbers
+from persfs_cl.checks import as_flag, as_number, as_numbers
+from persfs_cl.depths import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 from persfs_cl.shading.equations import Equation, FlashEquation, HeadlightEquation, LampEquation
 from persfs_cl.shading.forward import Direction, surface_norm
 from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.model import Light, Mask, Model, largest
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.model import Light, Model, largest
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.wording import keyword
 
 _FARTHEST = 1e9
 
@@ -97,27 +100,23 @@ class FlashLight(Light):
     )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.falloff, (bool, np.bool_)):
-            raise InputError(
-                f"falloff={brief(self.falloff)} is no choice: give True where light fades with the square of the "
-                "distance, or False."
-            )
-        gain = finite_number(self.gain)
-        if not gain > 0:
-            raise InputError(
-                f"gain={brief(self.gain)} is not a brightness: give a finite number above 0, the brightness of a white "
-                "surface that faces the lamp at distance 1."
-            )
-        offset = self.offset
-        numbers = finite_numbers(offset) or ()
-        if len(numbers) != 3 or not all(abs(number) <= _FARTHEST for number in numbers):
-            raise InputError(
-                f"offset={brief(offset)} is not a place: give three numbers up to {_FARTHEST:g}, (right, down, "
-                "forward) from the optical centre in units of depth, (0, 0, 0) for a light at the camera."
-            )
-        object.__setattr__(self, "falloff", bool(self.falloff))
+        hint = " where light fades with the square of the distance, or False"
+        falloff = as_flag("falloff", self.falloff, hint=hint)
+        hint = ", the brightness of a white surface that faces the lamp at distance 1"
+        gain = as_number("gain", self.gain, above=0.0, what="a brightness", hint=hint)
+        offset = as_numbers(
+            "offset",
+            self.offset,
+            (3,),
+            least=-_FARTHEST,
+            most=_FARTHEST,
+            what="a place",
+            remedy=f"give three numbers up to {_FARTHEST:g}, (right, down, forward) from the optical centre in units "
+            "of depth, (0, 0, 0) for a light at the camera",
+        )
+        object.__setattr__(self, "falloff", falloff)
         object.__setattr__(self, "gain", gain)
-        object.__setattr__(self, "offset", numbers)
+        object.__setattr__(self, "offset", offset)
 
     @property
     def coaxial(self) -> bool:
@@ -137,9 +136,11 @@ class FlashLight(Light):
     def model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.model`: as of a lamp at the camera, with rounds for the rest if it is off the axis."""
         if not (self.coaxial or self.falloff):
-            raise InputError(
-                f"light={self!r} has no scheme here: a lamp without fall-off must be at the camera. Leave its "
-                "place out, or photograph with fall-off."
+            raise InputError.about(
+                "light",
+                self,
+                "has no scheme here: a lamp without fall-off must be at the camera. Leave its "
+                "place out, or photograph with fall-off.",
             )
         if self.falloff:
             return FlashModel(
@@ -150,9 +151,11 @@ class FlashLight(Light):
                 in_rounds=self.off_axis,
             )
         if not reflectance.monotone:
-            raise InputError(
-                f"reflectance={reflectance!r} under a flash without fall-off: this material is not brightest face on, "
-                "so that a brightness belongs to two angles. Give a flash with fall-off, or another material."
+            raise InputError.about(
+                "reflectance",
+                reflectance,
+                "under a flash without fall-off: this material is not brightest face on, "
+                "so that a brightness belongs to two angles. Give a flash with fall-off, or another material.",
             )
         return HeadlightModel(self, reflectance, ("elementary", reflectance.kernel, "headlight"), ("climb", "upwind"))
 
@@ -160,9 +163,11 @@ class FlashLight(Light):
         """See :meth:`Light.upwind_model`: for materials of which a brightness belongs to one angle."""
         model = self.model(reflectance)
         if not reflectance.monotone:
-            raise InputError(
-                f"scheme='upwind' with reflectance={reflectance!r}: this material is not brightest face on, so "
-                "that a brightness belongs to two angles. Use scheme='lax-friedrichs'."
+            raise InputError.about(
+                "scheme",
+                "upwind",
+                f"with {keyword('reflectance', reflectance)}: this material is not brightest face on, so that a "
+                f"brightness belongs to two angles. Use {keyword('scheme', 'lax-friedrichs')}.",
             )
         if self.coaxial:
             return model
@@ -219,9 +224,11 @@ class FlashLight(Light):
         most = float(np.nanmax(np.abs(brightness)))
         power = (math.log(self.gain) + log_scale + math.log(most)) / math.log(10.0) if most > 0.0 else 0.0
         if not abs(power) < _MOST_POWER:
-            raise InputError(
-                f"light={self!r} makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, "
-                "or the depth in that of the gain."
+            raise InputError.about(
+                "light",
+                self,
+                f"makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, "
+                "or the depth in that of the gain.",
             )
         return brightness * math.exp(log_scale) * self.gain
 
@@ -291,24 +298,29 @@ class FlashModel(_LampModel):
         brightest, light = largest(image, solved), self.light
         if not _LEAST_LIGHT <= brightest <= _MOST_LIGHT:
             raise InputError(
-                f"image goes up to {brightest:g} under light={light!r}: give a brightest value from {_LEAST_LIGHT:g} "
-                f"to {_MOST_LIGHT:g}, and the gain on the same scale."
+                f"image goes up to {brightest:g} under {keyword('light', light)}: give a brightest value from "
+                f"{_LEAST_LIGHT:g} to {_MOST_LIGHT:g}, and the gain on the same scale.",
+                argument="image",
             )
         returned = math.log(light.gain) + math.log(self.reflectance.brightest) - math.log(brightest)
         reach, apart = math.exp(min(0.5 * returned, 500.0)), math.hypot(*light.offset)
         if apart > _FARTHEST_LAMP * reach:
-            raise InputError(
-                f"light={light!r} is {apart:g} away from the camera, but the brightest pixel, {brightest:g}, tells of "
-                f"a surface at most {reach:g} from the lamp: give offset and gain in the same unit of depth."
+            raise InputError.about(
+                "light",
+                light,
+                f"is {apart:g} away from the camera, but the brightest pixel, {brightest:g}, tells of "
+                f"a surface at most {reach:g} from the lamp: give offset and gain in the same unit of depth.",
             )
         ray = 1.0 + max(abs(grid.x[0]), abs(grid.x[-1])) ** 2 + max(abs(grid.y[0, 0]), abs(grid.y[-1, 0])) ** 2
         nearest, farthest = 0.5 * (returned - math.log(ray)), 0.5 * (returned - math.log(_BLACK))
         if nearest < math.log(NEAREST) or farthest > math.log(FARTHEST):
             power = 0.5 * returned / math.log(10.0)
-            raise InputError(
-                f"light={light!r} puts an image that goes up to {brightest:g} at a depth of 1e{power:+.0f} or so: give "
+            raise InputError.about(
+                "light",
+                light,
+                f"puts an image that goes up to {brightest:g} at a depth of 1e{power:+.0f} or so: give "
                 "the gain, on the scale of the image, for a unit of depth in which the surface lies well between "
-                f"{NEAREST:g} and {FARTHEST:g}."
+                f"{NEAREST:g} and {FARTHEST:g}.",
             )
 
     def start(self, image: Array, solved: Mask, grid: PixelGrid) -> tuple[Array, Array, float]:

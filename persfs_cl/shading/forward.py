@@ -11,7 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.arrays import Array
+from persfs_cl.shading.reflectance import Reflectance
 
 
 class Parallel(Protocol):

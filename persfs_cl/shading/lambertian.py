@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from persfs_cl.shading.reflectance import Array, Reflectance, visible
+from persfs_cl.arrays import Array
+from persfs_cl.shading.reflectance import Reflectance, visible
 
 
 @dataclass(frozen=True)

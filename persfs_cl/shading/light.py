@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from persfs_cl.checks import brief
 from persfs_cl.errors import InputError
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.model import Light
@@ -19,5 +18,5 @@ def require_light(light: object) -> Light:
     """The light, or InputError when it is none."""
     if not isinstance(light, Light):
         names = " or ".join(f"a {kind.__name__}" for kind in LIGHTS.values())
-        raise InputError(f"light={brief(light)} is no known light: give {names}.")
+        raise InputError.about("light", light, f"is no known light: give {names}.")
     return light

@@ -6,7 +6,6 @@ and viewer are in one direction, as with a flash, both are θ.
 
 from __future__ import annotations
 
-from persfs_cl.checks import brief
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.oren_nayar import OrenNayar
@@ -25,5 +24,5 @@ def require_reflectance(reflectance: object) -> Reflectance:
     """The material, or InputError when it is none."""
     if not isinstance(reflectance, Reflectance):
         *first, last = (f"{kind.__name__}(...)" for kind in MATERIALS.values())
-        raise InputError(f"reflectance={brief(reflectance)} is no known material: give {', '.join(first)} or {last}.")
+        raise InputError.about("reflectance", reflectance, f"is no known material: give {', '.join(first)} or {last}.")
     return reflectance

@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import PixelGrid
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.equations import Equation
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 if TYPE_CHECKING:
     from typing_extensions import Self
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

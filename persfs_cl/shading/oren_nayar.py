@@ -10,9 +10,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from persfs_cl.checks import brief, finite_number
+from persfs_cl.arrays import Array
+from persfs_cl.checks import finite_number
 from persfs_cl.errors import InputError
-from persfs_cl.shading.reflectance import SAMPLES, Array, Reflectance, floats, largest_log_slope, visible
+from persfs_cl.shading.reflectance import SAMPLES, Reflectance, floats, largest_log_slope, visible
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,10 @@ class OrenNayar(Reflectance):
     def __post_init__(self) -> None:
         roughness = finite_number(self.roughness)
         if not 0.0 <= roughness <= math.pi / 2:
-            raise InputError(
-                f"roughness={brief(self.roughness)} is not an angle from 0 to π/2: give it in radians, 0 for a smooth "
-                "surface, 0.5 for a rough one."
+            raise InputError.about(
+                "roughness",
+                self.roughness,
+                "is not an angle from 0 to π/2: give it in radians, 0 for a smooth surface, 0.5 for a rough one.",
             )
         object.__setattr__(self, "roughness", roughness)
 

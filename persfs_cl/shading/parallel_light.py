@@ -10,15 +10,17 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import PixelGrid
-from persfs_cl.checks import brief, finite_number
+from persfs_cl.checks import as_number
 from persfs_cl.choices import Boundary
 from persfs_cl.errors import InputError
 from persfs_cl.shading.equations import Equation, MaterialEquation, ParallelEquation
 from persfs_cl.shading.forward import reflectance_map
-from persfs_cl.shading.model import Light, Mask, Model
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.model import Light, Model
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.wording import keyword
 
 _STEEPEST = 1e3
 """Beyond this slope the light grazes the image plane at less than a tenth of a degree."""
@@ -70,13 +72,14 @@ class ParallelLight(Light):
 
     def __post_init__(self) -> None:
         for slope in fields(self):
-            value = getattr(self, slope.name)
-            number = finite_number(value)
-            if not abs(number) <= _STEEPEST:
-                raise InputError(
-                    f"{slope.name}={brief(value)} is not a light slope: give a finite number between -{_STEEPEST:g} "
-                    f"and {_STEEPEST:g}, 0 for a frontal light."
-                )
+            number = as_number(
+                slope.name,
+                getattr(self, slope.name),
+                least=-_STEEPEST,
+                most=_STEEPEST,
+                what="a light slope",
+                hint=", 0 for a frontal light",
+            )
             object.__setattr__(self, slope.name, number)
 
     @property
@@ -98,14 +101,18 @@ class ParallelLight(Light):
     def upwind_model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.upwind_model`: for perfectly matt materials."""
         if not reflectance.monotone:
-            raise InputError(
-                f"scheme='upwind' with reflectance={reflectance!r}: this material is not brightest face on, so "
-                "that a brightness belongs to two angles. Use scheme='lax-friedrichs'."
+            raise InputError.about(
+                "scheme",
+                "upwind",
+                f"with {keyword('reflectance', reflectance)}: this material is not brightest face on, so that a "
+                f"brightness belongs to two angles. Use {keyword('scheme', 'lax-friedrichs')}.",
             )
         if not reflectance.perfectly_matt:
-            raise InputError(
-                f"scheme='upwind' with reflectance={reflectance!r} under a parallel light: this scheme is for "
-                "perfectly matt materials there. Use scheme='lax-friedrichs'."
+            raise InputError.about(
+                "scheme",
+                "upwind",
+                f"with {keyword('reflectance', reflectance)} under a parallel light: this scheme is for perfectly matt "
+                f"materials there. Use {keyword('scheme', 'lax-friedrichs')}.",
             )
         return LevelCosineModel(self, reflectance, ("light_cone", "parallel_light"), ("climb", "upwind"))
 
@@ -196,9 +203,11 @@ class LevelCosineModel(CosineModel):
             return super().offset(grid)
         facing = 1.0 + self.light.p0 * grid.x + self.light.q0 * grid.y
         if facing.min() <= 0.0:
-            raise InputError(
-                f"light={self.light!r} with scheme='upwind': some pixels look into the light, where no surface faces "
-                "it. Crop or mask the image, or use scheme='lax-friedrichs'."
+            raise InputError.about(
+                "light",
+                self.light,
+                f"with {keyword('scheme', 'upwind')}: some pixels look into the light, where no surface faces it. Crop "
+                f"or mask the image, or use {keyword('scheme', 'lax-friedrichs')}.",
             )
         return np.asarray(np.log(facing))
 

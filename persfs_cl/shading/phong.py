@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from persfs_cl.checks import brief, finite_number
-from persfs_cl.errors import InputError
-from persfs_cl.shading.reflectance import SAMPLES, Array, Reflectance, floats, largest_log_slope, visible
+from persfs_cl.arrays import Array
+from persfs_cl.checks import as_number
+from persfs_cl.shading.reflectance import SAMPLES, Reflectance, floats, largest_log_slope, visible
 
 _STRONGEST, _SHINIEST = 1e12, 1e6
 """A highlight of such an exponent is a tenth of a degree wide: with more, single precision loses it."""
@@ -56,20 +56,15 @@ class Phong(Reflectance):
     shininess: float = field(default=10.0, metadata={"help": "the higher, the smaller the highlight; 10 by default."})
 
     def __post_init__(self) -> None:
-        diffuse, specular, shininess = map(finite_number, (self.diffuse, self.specular, self.shininess))
-        if not 1.0 / _STRONGEST <= diffuse <= _STRONGEST:
-            raise InputError(
-                f"diffuse={brief(self.diffuse)} is no matt part: give a number from {1 / _STRONGEST:g} to "
-                f"{_STRONGEST:g}, such as 0.7."
-            )
-        if not 0.0 <= specular <= _STRONGEST:
-            raise InputError(
-                f"specular={brief(self.specular)} is no highlight: give a number from 0, for none, to {_STRONGEST:g}."
-            )
-        if not 1.0 <= shininess <= _SHINIEST:
-            raise InputError(
-                f"shininess={brief(self.shininess)} is no exponent: give a number from 1 to {_SHINIEST:g}, such as 10."
-            )
+        diffuse = as_number(
+            "diffuse", self.diffuse, least=1.0 / _STRONGEST, most=_STRONGEST, what="a matt part", hint=", such as 0.7"
+        )
+        specular = as_number(
+            "specular", self.specular, least=0.0, most=_STRONGEST, what="a highlight", hint=", 0 for none"
+        )
+        shininess = as_number(
+            "shininess", self.shininess, least=1.0, most=_SHINIEST, what="an exponent", hint=", such as 10"
+        )
         object.__setattr__(self, "diffuse", diffuse)
         object.__setattr__(self, "specular", specular)
         object.__setattr__(self, "shininess", shininess)

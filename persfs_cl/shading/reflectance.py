@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from persfs_cl.arrays import Array
 
 _ANGLES = 2**18 + 1
 """So many that what interpolation between them loses is less than single precision can tell."""

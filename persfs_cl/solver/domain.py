@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Mask
 from persfs_cl.errors import InputError
-from persfs_cl.masks import NONE, SWEPT, Mask, Neighbours, connected, missing_neighbours
+from persfs_cl.masks import NONE, SWEPT, Neighbours, connected, missing_neighbours
+from persfs_cl.wording import keyword
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,10 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
             "Leave some pixels unknown (NaN)."
         )
     if needs_known and not known.any():
-        raise InputError("No depth is known: give known_depth at least one finite value that is not behind a wall.")
+        raise InputError(
+            f"No depth is known: give {keyword('known_depth')} at least one finite value that is not behind a wall.",
+            argument="known_depth",
+        )
     reached = unknown & connected(known, unknown | known) if needs_known else unknown
     if not reached.any():
         raise InputError(
@@ -97,9 +102,11 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
     if boundary == "fixed":
         open_rim = int(np.count_nonzero(flags[reached]))
         if open_rim:
-            raise InputError(
-                f"boundary='fixed' needs a known depth on every edge pixel of the image and mask, but {open_rim} "
-                "have none: add them to known_depth, or use boundary='outflow'."
+            raise InputError.about(
+                "boundary",
+                boundary,
+                f"needs a known depth on every edge pixel of the image and mask, but {open_rim} have none: add them to "
+                f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
     renewed = (
         _boundary(reached, known, present)

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import checks
 from persfs_cl.blocks import row_blocks
-from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
+from persfs_cl.maps import as_given, as_known_depth
 from persfs_cl.masks import Neighbours
 from persfs_cl.shading.model import Light, Model, largest
 from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.wording import keyword
 
 _MOST_RELIEF = 1e9
 """Ratio of depths beyond which single precision no longer tells a step of the tolerance from none."""
@@ -31,17 +32,20 @@ no part of what was photographed."""
 
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
     """The image as an array, shape (height, width), perhaps the very array given; InputError when it is none."""
-    given = checks.as_map("image", image)
+    given = as_given("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
-        raise InputError(f"image has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}")
+        shape = f"has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}"
+        raise checks.unlike("image", image, shape)
     if not np.issubdtype(given.dtype, np.floating):
-        raise InputError(
-            f"image has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them "
-            "(grey levels of 8 bits: divide by 255)."
+        raise checks.unlike(
+            "image",
+            image,
+            f"has dtype {given.dtype}: give floats in [0, 1] in linear light, as read_image returns them (grey levels "
+            "of 8 bits: divide by 255).",
         )
     if given.size > _MOST_PIXELS:
-        raise InputError(f"image has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
+        raise checks.unlike("image", image, f"has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
     return given
 
 
@@ -99,10 +103,10 @@ def warn_of_steep_outline(
     tilt = math.degrees(float(np.median(tilts)))
     if tilt > _STEEPEST_GROUND:
         checks.warn(
-            "known_depth is not given, and the outline of the mask is taken for flat ground at z = 1; but by its "
-            f"brightness half of it is {tilt:.0f} degrees or more from flat, as where an object turns away. The "
-            "surface may then be worse than a flat sheet, or than the outline inflated like a balloon: give "
-            "known_depth, try the other surface, or clip highlights if they set the white level."
+            f"{keyword('known_depth')} is not given, and the outline of the mask is taken for flat ground at z = 1; "
+            f"but by its brightness half of it is {tilt:.0f} degrees or more from flat, as where an object turns away. "
+            "The surface may then be worse than a flat sheet, or than the outline inflated like a balloon: give "
+            f"{keyword('known_depth')}, try the other surface, or clip highlights if they set the white level."
         )
 
 
@@ -120,36 +124,12 @@ def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_
 
 def require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """The array of bool that a user gave, or InputError."""
-    return checks.as_mask(name, checks.as_map(name, given), shape)
+    return checks.as_mask(name, as_given(name, given), shape)
 
 
 def require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The known depths, and where there are any."""
-    depths = checks.as_map("known_depth", given)
-    if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
-        raise InputError(
-            f"known_depth is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, "
-            "NaN where the depth is unknown."
-        )
-    known = ~np.isnan(depths)
-    values = checks.to_float64(depths[known])
-    if values.size == 0:
-        raise InputError("known_depth holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
-    if infinite := np.count_nonzero(np.isinf(values)):
-        raise InputError(f"known_depth holds {infinite} infinite values: use NaN for unknown.")
-    nearest, farthest = float(values.min()), float(values.max())
-    if nearest <= 0:
-        raise InputError(
-            f"known_depth goes down to {nearest:g}: depths are distances along the optical axis "
-            "and positive; use NaN for unknown."
-        )
-    if nearest < NEAREST or farthest > FARTHEST:
-        value = nearest if nearest < NEAREST else farthest
-        raise InputError(
-            f"known_depth holds {value:g}: give depths from {NEAREST:g} to {FARTHEST:g}, in another unit if need be, "
-            "and NaN for unknown."
-        )
-    return checks.to_float64(depths), known
+    return as_known_depth("known_depth", as_given("known_depth", given), shape)
 
 
 def require_relief(depths: NDArray[np.float64]) -> None:
@@ -157,6 +137,8 @@ def require_relief(depths: NDArray[np.float64]) -> None:
     nearest, farthest = float(depths.min(initial=np.inf)), float(depths.max(initial=0.0))
     if farthest > _MOST_RELIEF * nearest:
         raise InputError(
-            f"known_depth goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of which the "
-            f"farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has no end."
+            f"{keyword('known_depth')} goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of "
+            f"which the farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has "
+            "no end.",
+            argument="known_depth",
         )

@@ -11,11 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypedDict, TypeVar, cast, get_args, get_origin, get_type_hints
 
-import numpy as np
-
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.orderings import ORDERINGS
-from persfs_cl.checks import brief, finite_number
+from persfs_cl.checks import as_flag, as_number, as_whole_number, check_choice, finite_number
 from persfs_cl.choices import Boundary, Precision, Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
@@ -25,6 +23,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
+from persfs_cl.wording import keyword
 
 Callback = Callable[[int, float], bool | None]
 
@@ -68,57 +67,39 @@ class Option:
 
 def _one_of(choices: Callable[[], Sequence[str]]) -> Callable[[str, Any], str]:
     def check(name: str, value: Any) -> str:
-        if not isinstance(value, str) or value not in choices():
-            raise InputError(f"{name}={brief(value)} is not a choice: use one of {', '.join(choices())}.")
-        return value
+        check_choice(name, value, choices())
+        return str(value)
 
     return check
 
 
 def _order(name: str, value: Any) -> int:
     if finite_number(value) not in (1.0, 2.0):
-        raise InputError(f"{name}={brief(value)}: the schemes are of order 1 or 2.")
+        raise InputError.about(name, value, ": the schemes are of order 1 or 2.")
     return int(value)
 
 
 def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= _MOST_ITERATIONS:
-        raise InputError(f"{name}={brief(value)}: give a whole number, at least 1 and at most {_MOST_ITERATIONS}.")
-    return int(value)
+    return as_whole_number(name, value, least=1, most=_MOST_ITERATIONS)
 
 
 def _tolerance(name: str, value: Any) -> float:
-    number = finite_number(value)
-    # Written so that a NaN is refused too.
-    if not number >= 0.0:
-        raise InputError(f"{name}={brief(value)}: give a finite number at least 0.")
-    return number
+    return as_number(name, value, least=0.0)
 
 
 def _slope(name: str, value: Any) -> float | None:
-    if value is None:
-        return None
-    number = finite_number(value)
-    if not number > 0.0:
-        raise InputError(f"{name}={brief(value)}: give a finite number greater than 0.")
-    if number > _STEEPEST:
-        raise InputError(
-            f"{name}={brief(value)} is no bound: 30 is a surface seen at 2 degrees from grazing. "
-            f"Give at most {_STEEPEST:g}."
-        )
-    return number
+    hint = "; 30 is a surface seen at 2 degrees from grazing"
+    return None if value is None else as_number(name, value, above=0.0, most=_STEEPEST, what="a bound", hint=hint)
 
 
 def _callback(name: str, value: Any) -> Callback | None:
     if value is not None and not callable(value):
-        raise InputError(f"{name}={brief(value)} cannot be called: give a function of iteration and change.")
+        raise InputError.about(name, value, "cannot be called: give a function of iteration and change.")
     return value  # type: ignore[no-any-return] # of what it takes and gives nothing can be known
 
 
 def _truth(name: str, value: Any) -> bool:
-    if not isinstance(value, (bool, np.bool_)):
-        raise InputError(f"{name}={brief(value)} is no choice: give True or False.")
-    return bool(value)
+    return as_flag(name, value)
 
 
 def _as_given(_: str, value: Any) -> Any:
@@ -265,21 +246,28 @@ def complete(given: Options) -> Options:
     scheme.model(light, options["reflectance"])
     boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
     if boundary not in scheme.boundaries:
-        raise InputError(
-            f"boundary={boundary!r} with scheme={scheme.name!r}: by this scheme nothing flows in from outside anyway. "
-            "Use boundary='wall', or scheme='lax-friedrichs'."
+        raise InputError.about(
+            "boundary",
+            boundary,
+            f"with {keyword('scheme', scheme.name)}: by this scheme nothing flows in from outside anyway. Use "
+            f"{keyword('boundary', 'wall')}, or {keyword('scheme', 'lax-friedrichs')}.",
         )
     if light.determines_depth and boundary == "extrapolate":
-        raise InputError("boundary='extrapolate' under a flash has no level to start from: use boundary='wall'.")
+        remedy = f"use {keyword('boundary', 'wall')}."
+        raise InputError.about("boundary", boundary, f"under a flash has no level to start from: {remedy}")
     if light.determines_depth and options["surface"] != "away":
-        raise InputError(
-            f"surface={options['surface']!r} under a flash with fall-off: the image alone tells which way the surface "
-            "goes. Leave the keyword out."
+        raise InputError.about(
+            "surface",
+            options["surface"],
+            "under a flash with fall-off: the image alone tells which way the surface goes. Leave "
+            f"{keyword('surface')} out.",
         )
     if options["accuracy_order"] > scheme.highest_order:
-        raise InputError(
-            f"accuracy_order=2 with scheme={scheme.name!r}: only the upwind scheme has a correction to second order. "
-            "Use scheme='upwind', or accuracy_order=1."
+        raise InputError.about(
+            "accuracy_order",
+            options["accuracy_order"],
+            f"with {keyword('scheme', scheme.name)}: only the upwind scheme has a correction to second order. Use "
+            f"{keyword('scheme', 'upwind')}, or {keyword('accuracy_order', 1)}.",
         )
     slope = options["max_slope"]
     options["scheme"], options["boundary"] = scheme.name, boundary

@@ -12,8 +12,9 @@ from persfs_cl import masks
 from persfs_cl._cl.image import Image
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
-from persfs_cl.checks import FARTHEST, NEAREST, require_albedo, to_float64
+from persfs_cl.checks import FARTHEST, NEAREST, to_float64
 from persfs_cl.errors import InputError
+from persfs_cl.maps import as_albedo, as_given
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Domain, lay_out
 from persfs_cl.solver.inputs import (
@@ -30,6 +31,7 @@ from persfs_cl.solver.schemes import scheme_for
 from persfs_cl.solver.schemes.scheme import MAX_SLOPE, Scheme
 from persfs_cl.surface.discontinuities import fill_walls
 from persfs_cl.surface.geometry import Cuts
+from persfs_cl.wording import keyword
 
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
 
@@ -214,8 +216,9 @@ def prepare(
     barriers = None if walls is None else require_mask("walls", walls, shape)
     if known_depth is None and not light.flat_rim and not light.determines_depth:
         raise InputError(
-            f"known_depth is not given, but light={light!r} without fall-off tells of slopes only: give at "
-            "least one depth, or photograph with fall-off."
+            f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
+            "only: give at least one depth, or photograph with fall-off.",
+            argument="known_depth",
         )
     if known_depth is not None:
         depths, known = require_depths(known_depth, shape)
@@ -225,14 +228,15 @@ def prepare(
     if known_depth is None and wanted.any() and not (wanted & ~known).any():
         raise InputError(
             f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
-            "left to solve: give known_depth."
+            f"left to solve: give {keyword('known_depth')}.",
+            argument="known_depth",
         )
     layout = lay_out(wanted, known, barriers, options["boundary"], needs_known=not light.determines_depth)
     on_walls = None if barriers is None else barriers & (wanted | known)
     reflecting = None
     if albedo is not None:
         used = layout.known | layout.solved
-        reflecting = require_albedo(albedo, used if on_walls is None else used | on_walls)
+        reflecting = as_albedo("albedo", as_given("albedo", albedo), used if on_walls is None else used | on_walls)
     # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
     if not (photograph.min() >= -_MOST_LIGHT and photograph.max() <= _MOST_LIGHT):
         photograph[~layout.solved & ~(np.abs(photograph) <= _MOST_LIGHT)] = np.nan

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
-from persfs_cl.checks import brief
+from persfs_cl.checks import unlike
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options, complete, with_options
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.solve import pieces, solve
 from persfs_cl.surface.solution import Solution, Status
+from persfs_cl.wording import brief
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -235,7 +236,7 @@ def _naming(number: int, count: int) -> Iterator[None]:
     try:
         yield
     except (InputError, CameraError) as error:
-        raise type(error)(f"images[{number}]: {error}" if count > 1 else str(error)) from None
+        raise (error.at(f"images[{number}]") if count > 1 else error) from None
     except MemoryError as error:
         raise InputError(
             f"images[{number}] does not fit into memory ({brief(error)}): reduce its size, or cut out a part."
@@ -244,15 +245,17 @@ def _naming(number: int, count: int) -> Iterator[None]:
 
 def _entries(name: str, given: Any) -> list[Any]:
     if isinstance(given, (str, os.PathLike)):
-        raise InputError(f"{name}={str(given)!r} is no list: give a list of arrays, one entry an image.")
+        raise InputError.about(name, str(given), "is no list: give a list of arrays, one entry an image.")
     if isinstance(given, np.ndarray) and given.ndim == 2:
-        raise InputError(
-            f"{name} is one array of shape {given.shape}: give a list, one entry an image, even if all are the same."
+        raise unlike(
+            name,
+            given,
+            f"is one array of shape {given.shape}: give a list, one entry an image, even if all are the same.",
         )
     try:
         return list(given)
     except Exception as error:  # an object may raise anything
-        raise InputError(f"{name}={brief(given)} is no list: give one entry an image.") from error
+        raise InputError.about(name, given, "is no list: give one entry an image.") from error
 
 
 def _require_convergence(solution: Solution, which: str, tolerance: float) -> None:

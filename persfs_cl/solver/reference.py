@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import PixelGrid
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.equations import Equation, Slopes
@@ -20,8 +21,6 @@ from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Boundary
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes.scheme import Indices, Scheme
-
-Array = NDArray[np.float64]
 
 _QUADRANTS = ((0, 0), (1, 0), (0, 1), (1, 1))
 _HALVINGS = 56

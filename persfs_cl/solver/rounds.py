@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array
 from persfs_cl.checks import warn
 from persfs_cl.solver.iterate import Run, Surface, Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.solution import Status
-
-Array = NDArray[np.float64]
+from persfs_cl.wording import keyword
 
 ROUNDS = 10
 """At most so many runs of the sweeps."""
@@ -88,8 +88,9 @@ def solve_corrected(
                 if run.statuses[place] is Status.CONVERGED:
                     run.statuses[place] = Status.MAX_ITERATIONS
                 warn(
-                    f"light={problems[place].model.light!r} is too far from the camera: after {rounds[place]} rounds "
-                    f"the depth still changes by {100 * change:.2g} % on average. Do not rely on it."
+                    f"{keyword('light', problems[place].model.light)} is too far from the camera: after "
+                    f"{rounds[place]} rounds the depth still changes by {100 * change:.2g} % on average. Do not rely "
+                    "on it."
                 )
             if shaded := int(dim[number].sum()):
                 warn(f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.")

@@ -16,6 +16,7 @@ from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.rounds import solve_corrected
 from persfs_cl.surface.solution import Elapsed, Solution, Status
+from persfs_cl.wording import keyword
 
 
 def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) -> Iterator[list[int]]:
@@ -104,16 +105,17 @@ def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
     nearest = problem.model.nearest_depth(problem.grid.x, problem.grid.y)
     if count := int(np.count_nonzero(problem.domain.solved & (depth <= 1.001 * nearest))):
         warn(
-            f"{count} pixels come out as near to the camera as the lamp of light={problem.model.light!r}, where their "
-            "depth ends: do not rely on them. Mask out what is too bright, or check the lamp's place and its gain, "
-            "which go by the same unit of depth."
+            f"{count} pixels come out as near to the camera as the lamp of {keyword('light', problem.model.light)}, "
+            "where their depth ends: do not rely on them. Mask out what is too bright, or check the lamp's place and "
+            "its gain, which go by the same unit of depth."
         )
 
 
 def _warn_if_lost(problem: Problem, depth: NDArray[np.float64]) -> None:
     if count := int(np.count_nonzero(problem.domain.solved & np.isnan(depth))):
+        bound = keyword("max_slope", problem.max_slope, written=f"{problem.max_slope:g}")
         warn(
             f"{count} pixels come out nearer than {NEAREST:g} or farther than {FARTHEST:g}, and have no depth: they, "
             "or those between them and a known depth, are too dark for the light, and only "
-            f"max_slope={problem.max_slope:g} bounds their slope. Mask them out, or lower max_slope."
+            f"{bound} bounds their slope. Mask them out, or lower {keyword('max_slope')}."
         )

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 BRIGHTNESS_ERROR = 0.01
 """Relative error of the brightness that :func:`slope_error` assumes."""

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.preparation.highlights import dilate
 from persfs_cl.surface.geometry import Cuts
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 Rows = NDArray[np.uint32]
 
 REACH = 8

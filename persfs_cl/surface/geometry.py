@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
-from persfs_cl.checks import FARTHEST, NEAREST, as_array, as_floats
+from persfs_cl.checks import as_array
 from persfs_cl.errors import InputError
+from persfs_cl.maps import as_depth
 
 if TYPE_CHECKING:
     import trimesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,19 +102,7 @@ def depth_array(depth: ArrayLike) -> Array:
     InputError
         When the array is not two-dimensional, has no pixels, or holds a depth out of that range.
     """
-    z = as_floats("depth", depth)
-    if z.ndim != 2 or z.size == 0:
-        raise InputError(f"depth has shape {z.shape}: give a (height, width) array with at least one pixel.")
-    # Written so that NaN is none of them.
-    wrong = (z < NEAREST) | (z > FARTHEST)
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0]
-        raise InputError(
-            f"depth[{row}, {column}]={float(z[row, column])!r} is not a distance in front of the camera "
-            f"({np.count_nonzero(wrong)} such pixels): give values from {NEAREST:g} to {FARTHEST:g}, NaN where there "
-            "is no surface."
-        )
-    return z
+    return as_depth("depth", depth)
 
 
 def points(depth: ArrayLike, camera: Camera) -> Array:

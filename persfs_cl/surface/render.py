@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,9 +9,10 @@ from persfs_cl._cl import rendering
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_floats, as_mask, brief, require_albedo
+from persfs_cl.checks import as_floats, as_mask, check_choice
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
+from persfs_cl.maps import as_albedo, as_given
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.light import require_light
@@ -88,8 +87,7 @@ def render(
     """
     model = require_light(light).model(require_reflectance(reflectance))
     require_camera(camera)
-    if not isinstance(precision, str) or precision not in get_args(Precision):
-        raise InputError(f"precision={brief(precision)} is not a choice: use one of {', '.join(get_args(Precision))}.")
+    check_choice("precision", precision, Precision)
     values = as_floats("depth", depth)
     if mask is not None:
         values = np.where(as_mask("mask", mask, values.shape, whose="depth"), values, np.nan)
@@ -97,10 +95,10 @@ def render(
     present = ~np.isnan(values)
     if not present.any():
         raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
-    reflecting = None if albedo is None else require_albedo(albedo, present)
+    reflecting = None if albedo is None else as_albedo("albedo", as_given("albedo", albedo), present)
     if cuts is not None:
         if not isinstance(cuts, Cuts):
-            raise InputError(f"cuts={brief(cuts)} is none: give Solution.cuts, or persfs_cl.surface.geometry.Cuts.")
+            raise InputError.about("cuts", cuts, "is none: give Solution.cuts, or persfs_cl.surface.geometry.Cuts.")
         cuts.check(values.shape)
     shape = values.shape[0], values.shape[1]
     grid = camera.grid(shape)
@@ -111,7 +109,9 @@ def render(
         with np.errstate(divide="ignore", invalid="ignore"):
             lit = light.of_unit_gain.brightness(np.log(values), p, q, grid.x, grid.y, reflectance)
         if within := int(np.count_nonzero(~np.isfinite(lit) & present)):
-            raise InputError(f"light={light!r} lies on the surface, at {within} pixels of the depth: move it away.")
+            raise InputError.about(
+                "light", light, f"lies on the surface, at {within} pixels of the depth: move it away."
+            )
         return light.scaled(lit if reflecting is None else lit * reflecting, 0.0)
     log_depth = np.log(np.where(present, values, 1.0))
     # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.

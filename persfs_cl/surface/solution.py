@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.files import FilePath, as_path, filling
@@ -20,8 +21,6 @@ from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.confidence import Confidence
 from persfs_cl.surface.export import draw_all, write_json, write_mesh
 from persfs_cl.surface.solved import Doubts, SolvedSurface
-
-Array = NDArray[np.float64]
 
 
 class Status(enum.Enum):

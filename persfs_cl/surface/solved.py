@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from persfs_cl import metrics
 from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
-from persfs_cl.checks import as_array, as_floats, brief
+from persfs_cl.checks import as_floats, as_mask
 from persfs_cl.colour import to_display
 from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Light
@@ -24,8 +25,6 @@ from persfs_cl.surface.confidence import Confidence, cosine_to_light, slope_erro
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Doubts = Mapping[str, Mask]
 _BRIGHTEST = 1e100
 """More than any brightness; what is multiplied by it still has a double-precision number."""
@@ -228,14 +227,9 @@ class SolvedSurface:
 
     def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
         if doubts is not None and not isinstance(doubts, Mapping):
-            raise InputError(f"doubts={brief(doubts)} is no mapping: give maps of bool by the reason for doubt.")
-        given = {reason: as_array(f"doubts[{reason!r}]", pixels) for reason, pixels in (doubts or {}).items()}
-        for reason, pixels in given.items():
-            if pixels.dtype != bool or pixels.shape != self.depth.shape:
-                raise InputError(
-                    f"doubts[{reason!r}] is {pixels.dtype} of shape {pixels.shape}: give a bool array of the image's "
-                    f"shape {self.depth.shape}."
-                )
+            raise InputError.about("doubts", doubts, "is no mapping: give maps of bool by the reason for doubt.")
+        shape = self.depth.shape
+        given = {reason: as_mask(f"doubts[{reason!r}]", pixels, shape) for reason, pixels in (doubts or {}).items()}
         cosine = cosine_to_light(self.depth, normals, self.camera, self.light)
         own = {"unreached": self.unreached, "clamped": self.clamped}
         if self.walls is not None:

@@ -85,7 +85,7 @@ def test_writers_refuse_what_they_cannot_write(tmp_path: Path) -> None:
             write(tmp_path / name, [[1.0], [1.0, 2.0]])
     with pytest.raises(InputError, match="bits=12 is impossible: give 8 or 16"):
         write_grey(tmp_path / "a.png", np.ones(SHAPE), wrong)
-    with pytest.raises(InputError, match="encoding=12 is unknown: give srgb or linear"):
+    with pytest.raises(InputError, match=r"encoding=12 is unknown: choose .srgb. or .linear."):
         write_grey(tmp_path / "a.png", np.ones(SHAPE), encoding=wrong)
     for write, name in ((write_depth, "a.npy"), (write_depth, "a.tif"), (write_grey, "a.png")):
         with pytest.raises(InputError, match=f"{name} cannot be written: No such file.*Create the folder first"):

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.preparation.correct import divide_vignetting, subtract_ambient
-
-Array = NDArray[np.float64]
 
 
 def random_image(shape: tuple[int, int], seed: int = 0) -> Array:
@@ -57,7 +55,7 @@ def test_ambient_light_and_vignetting_outside_the_mask_do_not_matter() -> None:
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [
-        (np.ones((4, 5)), r"is float64 of shape \(4, 5\): give an array of numbers of the image's shape, \(4, 4\)"),
+        (np.ones((4, 5)), r"is float64 of shape \(4, 5\): give an array of numbers of the image's shape \(4, 4\)"),
         (np.ones((4, 4), bool), "is bool of shape"),
         (np.full((4, 4), np.nan), "is nan or so at 16 pixels"),
         (np.full((4, 4), np.inf), "is inf or so at 16 pixels"),
@@ -65,9 +63,9 @@ def test_ambient_light_and_vignetting_outside_the_mask_do_not_matter() -> None:
     ],
 )
 def test_impossible_ambient_light_and_vignetting_are_refused(wrong: Any, reason: str) -> None:
-    with pytest.raises(InputError, match=f"The ambient light {reason}"):
+    with pytest.raises(InputError, match=f"ambient {reason}"):
         subtract_ambient(np.ones((4, 4)), wrong)
-    with pytest.raises(InputError, match="The vignetting"):
+    with pytest.raises(InputError, match=r"^vignetting"):
         divide_vignetting(np.ones((4, 4)), wrong)
-    with pytest.raises(InputError, match="The vignetting is 0 or so at 16 pixels"):
+    with pytest.raises(InputError, match="vignetting is 0 or so at 16 pixels"):
         divide_vignetting(np.ones((4, 4)), np.zeros((4, 4)))

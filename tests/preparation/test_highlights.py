@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.errors import InputError
 from persfs_cl.preparation import inpaint as membrane
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 ROWS, COLUMNS = np.mgrid[:40, :60].astype(float)
 SHADING = 0.2 + 0.001 * ROWS + 0.002 * COLUMNS
 
@@ -131,7 +129,7 @@ def test_a_hole_with_nothing_around_it_is_left() -> None:
     [
         ({"factor": 0.9}, r"factor=0\.9"),
         ({"factor": math.nan}, "factor=nan"),
-        ({"size": 4}, "size=4 is not an odd number"),
+        ({"size": 4}, "size=4 is not a width: give an odd number"),
         ({"size": 0}, "size=0"),
         ({"size": 3.0}, r"size=3\.0"),
         ({"mask": np.zeros((4, 4), bool)}, "selects no pixel"),
@@ -146,14 +144,14 @@ def test_find_specular_refuses_the_impossible(options: dict[str, Any], reason: s
 
 def test_dilate_and_fill_refuse_what_is_no_set_of_pixels() -> None:
     wrong: Any = 1.5
-    with pytest.raises(InputError, match=r"float64 of shape \(4, 4\): give bool"):
+    with pytest.raises(InputError, match=r"pixels is float64 of shape \(4, 4\): give a bool array"):
         dilate(np.ones((4, 4)), 1)
     for radius in (-1, wrong):
-        with pytest.raises(InputError, match=f"radius={radius} is impossible"):
+        with pytest.raises(InputError, match=f"radius={radius} is not possible: give a whole number, 0 or more"):
             dilate(np.ones((4, 4), bool), radius)
-    with pytest.raises(InputError, match=r"holes are float64 of shape \(4, 4\)"):
+    with pytest.raises(InputError, match=r"holes is float64 of shape \(4, 4\)"):
         fill_smoothly(np.ones((4, 4)), np.ones((4, 4)))
-    with pytest.raises(InputError, match=r"holes are bool of shape \(4, 5\): give bool of the image's shape \(4, 4\)"):
+    with pytest.raises(InputError, match=r"holes is bool of shape \(4, 5\): give a bool array of the image's shape"):
         fill_smoothly(np.ones((4, 4)), np.ones((4, 5), bool))
 
 

@@ -21,7 +21,6 @@ from persfs_cl.preparation.correct import cos4_vignetting
 from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
 
-Array = NDArray[np.float64]
 SHAPE = HEIGHT, WIDTH = 30, 40
 CAMERA = Camera((50.0, 60.0), (12.0, 20.0))
 ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH].astype(float)
@@ -254,10 +253,10 @@ def test_transparent_pixels_are_left_out_unless_a_mask_is_given(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"highlights": "remove"}, "highlights='remove' is unknown: give one of keep, mask, fill"),
+        ({"highlights": "remove"}, "highlights='remove' is unknown: choose .keep., .mask. or .fill."),
         ({"vignetting": "cos5"}, "vignetting='cos5' is unknown"),
         ({"vignetting": 0.5}, r"vignetting=0\.5 is unknown"),
-        ({"ambient": -1}, "ambient=-1 is no brightness"),
+        ({"ambient": -1}, "ambient=-1 is not a brightness"),
         ({"ambient": math.nan}, "ambient=nan"),
         ({"ambient": "dark"}, "ambient='dark'"),
         ({"saturation": math.inf}, "saturation=inf"),
@@ -275,7 +274,7 @@ def test_impossible_preparations_are_refused(options: dict[str, Any], reason: st
         ({"saturation": 1000}, "saturation=1000 is more than 255"),
         ({"ambient": 200}, "No pixel is brighter than the ambient light"),
         ({"ambient": np.ones(SHAPE)}, "No pixel is brighter than the ambient light"),
-        ({"ambient": np.ones((3, 3))}, r"ambient light is float64 of shape \(3, 3\)"),
+        ({"ambient": np.ones((3, 3))}, r"ambient is float64 of shape \(3, 3\)"),
         ({"vignetting": np.ones((3, 3))}, r"vignetting is float64 of shape \(3, 3\)"),
         ({"vignetting": np.zeros(SHAPE)}, "vignetting is 0 or so at 1200 pixels"),
         ({"saturation": 100, "highlights": "mask"}, "All of the 1200 pixels are highlights"),
@@ -296,7 +295,7 @@ def test_ambient_light_of_the_largest_colour_is_refused(bytes_: MapToPhoto) -> N
 def test_impossible_normalisations_are_refused(floats: MapToPhoto) -> None:
     prepared = prepare_photo(floats(SURFACE), CAMERA)
     wrong: Any = "stretch"
-    with pytest.raises(InputError, match="how='stretch' is unknown: give one of linear, grey, none"):
+    with pytest.raises(InputError, match=r"how='stretch' is unknown: choose .linear., .grey. or .none."):
         prepared.normalised(wrong)
     with pytest.raises(InputError, match="has no meaning"):
         prepared.normalised("none", percentile=99)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
 from persfs_cl.scenes.framed import bump, bumps
@@ -20,7 +21,6 @@ from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.phong import Phong
 from persfs_cl.shading.reflectance import Reflectance
 
-Array = NDArray[np.float64]
 MakeScene = Callable[..., Scene]
 
 FRONTAL = ParallelLight()

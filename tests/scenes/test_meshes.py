@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.masks import connected
@@ -18,8 +18,6 @@ from persfs_cl.scenes.view import mesh_view
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.surface import geometry as surface
-
-Array = NDArray[np.float64]
 
 SHAPE = (60, 80)
 CAMERA = Camera(focal_length=(90.0, 85.0))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.masks import rim
 from persfs_cl.scenes import view as seen
@@ -14,7 +14,6 @@ from persfs_cl.scenes.meshes import mesh_scene
 from persfs_cl.scenes.view import mesh_view
 from persfs_cl.surface import geometry as surface
 
-Array = NDArray[np.float64]
 SHAPE = (60, 80)
 CAMERA = Camera(focal_length=(90.0, 85.0))
 

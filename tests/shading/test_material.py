@@ -5,15 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
 from persfs_cl.shading.reflectance import Reflectance
-
-Array = NDArray[np.float64]
 
 ROUGH = [OrenNayar(roughness) for roughness in (0.0, 1e-3, 0.1, 0.3, 0.6, 0.63, 1.0, math.pi / 2)]
 SHINY = [

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from persfs_cl import InputError
-from persfs_cl.masks import NONE, SWEPT, Mask, connected, missing_neighbours, rim, steps_from
+from persfs_cl.arrays import Mask
+from persfs_cl.masks import NONE, SWEPT, connected, missing_neighbours, rim, steps_from
 from persfs_cl.solver.domain import Domain, lay_out
 
 

@@ -13,6 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import persfs_cl as ps
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.choices import Precision
 from persfs_cl.masks import Neighbours, rim
 from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
@@ -21,9 +22,6 @@ from persfs_cl.surface import geometry as surface
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.discontinuities import REACH, fill_walls
 from persfs_cl.surface.geometry import Cuts
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SHAPE = (60, 70)
 CAMERA = ps.Camera(focal_length=(80.0, 90.0))

@@ -8,11 +8,10 @@ import trimesh
 from numpy.typing import NDArray
 
 from persfs_cl import blocks
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.surface.geometry import Cuts, log_depth_gradient, mesh, normals, points
-
-Array = NDArray[np.float64]
 
 SQUARE = (100.0, 100.0)
 OBLONG = (70.0, 130.0)

@@ -14,14 +14,13 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.surface import plots
 from persfs_cl.surface.geometry import normals
 
-Array = NDArray[np.float64]
 Draw = Callable[[Path, Array], None]
 # Any: the axes and artists found in a figure are narrower than its stubs say.
 Drawn = list[Any]

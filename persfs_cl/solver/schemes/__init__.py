@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from persfs_cl.checks import brief
-from persfs_cl.errors import InputError
+from persfs_cl.checks import check_choice
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
@@ -26,6 +25,5 @@ def scheme_for(name: str, light: Light, reflectance: Reflectance) -> Scheme:
     """
     if name == AUTO:
         return SCHEMES[Upwind.name if light.prefers_upwind(reflectance) else LaxFriedrichs.name]
-    if not isinstance(name, str) or name not in SCHEMES:
-        raise InputError(f"scheme={brief(name)} is not a choice: use one of {', '.join([AUTO, *SCHEMES])}.")
+    check_choice("scheme", name, (AUTO, *SCHEMES))
     return SCHEMES[name]

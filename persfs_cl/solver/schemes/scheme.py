@@ -10,9 +10,10 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
-from persfs_cl.shading.reflectance import Array, Reflectance
+from persfs_cl.shading.reflectance import Reflectance
 
 Indices = NDArray[np.intp]
 

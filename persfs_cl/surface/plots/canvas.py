@@ -15,8 +15,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, atomic_path
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-Array = NDArray[np.float64]
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140
 _NO_SURFACE = "0.88"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
 from persfs_cl.surface.plots.canvas import new_figure
@@ -14,7 +15,6 @@ from persfs_cl.surface.plots.canvas import new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 _STEEPEST_CHANGE = 10.0
 
 
@@ -50,9 +50,9 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
     """
     values = np.asarray(changes, dtype=np.float64)
     if values.ndim != 1 or values.size == 0 or not (np.isfinite(values) & (values >= 0)).all():
-        raise InputError(f"changes={changes!r}: give one finite number >= 0 for each iteration.")
+        raise InputError.about("changes", changes, ": give one finite number >= 0 for each iteration.")
     if not 0 <= tolerance < np.inf:
-        raise InputError(f"tolerance={tolerance!r} is not a change: give a finite number >= 0.")
+        raise InputError.about("tolerance", tolerance, "is not a change: give a finite number >= 0.")
 
     iterations = np.arange(1, values.size + 1)
     moved = values > 0

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, atomic_path
@@ -14,7 +15,6 @@ from persfs_cl.metrics import compare
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of_blocks, require_finite, show, size_of
 
-Array = NDArray[np.float64]
 # Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
 _REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
 _NOTHING_DOUBTFUL = "0.65"
@@ -179,7 +179,7 @@ def comparison_picture(
     b'PNG'
     """
     if not 0 < white < np.inf:
-        raise InputError(f"white={white!r} is not a brightness: give a finite number above 0.")
+        raise InputError.about("white", white, "is not a brightness: give a finite number above 0.")
     scale = 255.0 / white
     given = np.asarray(photo, dtype=np.float64) * scale
     again = np.asarray(rendered, dtype=np.float64) * scale

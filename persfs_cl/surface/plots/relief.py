@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
@@ -16,7 +17,6 @@ from persfs_cl.surface.plots.canvas import MAP_SAMPLES, UNIT, new_figure, requir
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
-Array = NDArray[np.float64]
 _RELIEF_SAMPLES = 200
 _SOLID_INCHES = 5.6
 _ELEVATION, _AZIMUTH = 48.0, -70.0

@@ -1,0 +1,153 @@
+"""Options that say how a photo becomes the image that is solved."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from persfs_cl.cli.numbers import positive
+from persfs_cl.io.photos import Channel, Encoding
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.preparation.prepare import Highlights, Normalise
+
+_PHOTO = "Brightness of the photo"
+
+
+def _odd(value: int) -> int:
+    if value % 2 == 0:
+        raise typer.BadParameter(f"{value} has no middle pixel: give an odd number.")
+    return value
+
+
+def _percentile(value: float | None) -> float | None:
+    if value is not None and not 0 < value <= 100:
+        raise typer.BadParameter(f"{value} is not a percentile: give a number above 0, at most 100.")
+    return value
+
+
+def _ambient(text: str) -> float | Path:
+    try:
+        number = float(text)
+    except ValueError:
+        return Path(text)
+    if not (math.isfinite(number) and number >= 0):
+        raise typer.BadParameter(f"{text} is no brightness: give 0 or more, or a file.", param_hint="'--ambient'")
+    return number
+
+
+def _vignetting(text: str) -> Literal["none", "cos4"] | Path:
+    laws: dict[str, Literal["none", "cos4"]] = {"none": "none", "cos4": "cos4"}
+    return laws.get(text) or Path(text)
+
+
+def chosen_brightness(
+    channel: Annotated[
+        Channel, typer.Option(help="What of a colour photo is used.", rich_help_panel=_PHOTO)
+    ] = "luminance",
+    encoding: Annotated[
+        Encoding,
+        typer.Option(
+            help="What the file's numbers are. auto: integers are sRGB, floats are linear light.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "auto",
+    ambient: Annotated[
+        str,
+        typer.Option(
+            metavar="LEVEL|FILE",
+            help="Light that is there without the lamp, or black level, to subtract: a number as the file holds it "
+            "(0 to 255 with 8 bits), or a second photo without the lamp, or .npy of linear light.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "0",
+    vignetting: Annotated[
+        str,
+        typer.Option(
+            metavar="none|cos4|FILE",
+            help="Darkening of the lens away from the middle, to undo: cos4 of the angle to the optical axis, or a "
+            "photo of an evenly lit white plate, or .npy of linear light.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "none",
+    highlights: Annotated[
+        Highlights,
+        typer.Option(
+            help="Saturated pixels and shiny spots, and two pixels around them. mask: not solved, nothing crosses. "
+            "fill: smoothly, from around them.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = "keep",
+    saturation: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LEVEL",
+            help="Number, as the file holds it, from which on a pixel is saturated; by default 98 % of the largest "
+            "that there can be, and in a file of floats none.",
+            callback=positive,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
+    clip_highlights: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENTILE",
+            help="Cut what is brighter than this percentile: shiny spots, which a matt surface does not have. "
+            "What is cut counts as facing the light.",
+            callback=_percentile,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
+    mean_filter: Annotated[
+        int,
+        typer.Option(
+            metavar="PX",
+            min=1,
+            help="Smooth over a square of this odd width; 1 is off.",
+            callback=_odd,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = 1,
+    normalise: Annotated[
+        Normalise | None,
+        typer.Option(
+            help="For a parallel light. linear, the default: divide by the brightest value (99.5th percentile), which "
+            "keeps the shading equation exact. grey: stretch from the darkest to the brightest, eq. (2) of the paper. "
+            "none: the photo is E already.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
+    white_percentile: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENTILE",
+            help="The brightest value is this percentile, and what is brighter becomes 1; 99.5 with "
+            "--normalise linear, 100 with grey.",
+            callback=_percentile,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
+) -> Brightness:
+    """What the options tell of the brightness.
+
+    Raises
+    ------
+    typer.BadParameter
+        When one is impossible, or goes with another choice.
+    """
+    if normalise == "none" and white_percentile is not None:
+        raise typer.BadParameter("nothing is normalised: leave it out.", param_hint="'--white-percentile'")
+    return Brightness(
+        channel,
+        encoding,
+        _ambient(ambient),
+        _vignetting(vignetting),
+        highlights,
+        saturation,
+        clip_highlights,
+        mean_filter,
+        normalise,
+        white_percentile,
+    )

@@ -1,0 +1,49 @@
+"""Errors and warnings of the library in the words of a command: its options in place of keywords."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import typer
+
+from persfs_cl.errors import Worded
+from persfs_cl.shading.light import LIGHTS
+from persfs_cl.shading.material import MATERIALS
+from persfs_cl.wording import Mention, Spelling
+
+_KINDS = {kind.__name__: name for kinds in (LIGHTS, MATERIALS) for name, kind in kinds.items()}
+"""What is typed for values that are told by their type."""
+
+
+class WrongOption(typer.BadParameter):
+    """An error of the library about what stands on the command line."""
+
+    def __init__(self, error: Worded, hint: str | None = None) -> None:
+        super().__init__(str(error), param_hint=hint)
+        self.error = error
+
+    def word(self, spelling: Spelling) -> None:
+        """Take the words of the command for the message."""
+        self.message = self.error.worded(spelling)
+
+
+def spelling(parameters: Iterable[Any]) -> Spelling:
+    """How a command spells keywords: `scheme='upwind'` as `--scheme upwind`; those that it lacks as Python does.
+
+    Parameters
+    ----------
+    parameters : iterable
+        Those of the command.
+    """
+    options = {each.name: each for each in parameters if each.param_type_name == "option"}
+
+    def spell(mention: Mention) -> str:
+        option = options.get(mention.keyword)
+        if option is None:
+            return str(mention)
+        if mention.value == "False" and option.secondary_opts:
+            return str(option.secondary_opts[0])
+        return f"{option.opts[0]} {mention.typed or _KINDS.get(mention.kind, '')}".rstrip()
+
+    return spell

@@ -1,0 +1,170 @@
+"""Maps that a user gave, one number a pixel: what they are, or an error that says why they are none."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.checks import as_array, as_floats, to_float64, unlike
+from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.errors import InputError
+from persfs_cl.wording import keyword
+
+_READERS = {
+    "image": "read_image(path)",
+    "mask": "read_mask(path, shape)",
+    "walls": "read_mask(path, shape)",
+    "known_depth": "read_depth(path, shape)",
+    "albedo": "read_light(path, shape)",
+}
+_ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
+
+
+def as_given(name: str, given: ArrayLike) -> NDArray[Any]:
+    """The image, or the map that goes with one, that a user gave, perhaps the very array.
+
+    Raises
+    ------
+    InputError
+        As :func:`persfs_cl.checks.as_array`; and when it is a path or a photograph, saying what to give instead.
+    """
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError.about(name, str(given), f"is no array: give {_READERS[name]} if it is a path.")
+    for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
+        if hasattr(given, attribute):
+            raise unlike(name, given, f"is a {type(given).__name__}, no array: give {remedy}.")
+    return as_array(name, given)
+
+
+def as_image(name: str, given: ArrayLike) -> Array:
+    """One number a pixel, shape (height, width), as float64, perhaps the very array given; any but complex numbers.
+
+    Raises
+    ------
+    InputError
+        When it is something else, or has no pixel.
+    """
+    values = as_floats(name, given)
+    if values.ndim != 2 or values.size == 0:
+        raise unlike(name, given, f"has shape {values.shape}: give (height, width), one number a pixel.")
+    return values
+
+
+def as_map(name: str, given: ArrayLike, shape: tuple[int, ...], *, whose: str = "image") -> Array:
+    """One number a pixel of an image whose shape is known, as float64, perhaps the very array given.
+
+    Raises
+    ------
+    InputError
+        When it is something else.
+    """
+    values = as_array(name, given)
+    if values.dtype.kind not in "iuf" or values.shape != shape:
+        raise unlike(
+            name,
+            given,
+            f"is {values.dtype} of shape {values.shape}: give an array of numbers of the {whose}'s shape {shape}.",
+        )
+    return to_float64(values)
+
+
+def as_depth(name: str, given: ArrayLike) -> Array:
+    """A depth map as float64, perhaps the very array given.
+
+    Parameters
+    ----------
+    name : str
+    given : array_like, shape (height, width)
+        Depth along the optical axis, from 1e-30 to 1e30; NaN where there is no surface.
+
+    Raises
+    ------
+    InputError
+        When it is no array of two dimensions, has no pixels, or holds a depth out of that range.
+    """
+    z = as_floats(name, given)
+    if z.ndim != 2 or z.size == 0:
+        raise unlike(name, given, f"has shape {z.shape}: give a (height, width) array with at least one pixel.")
+    # Written so that NaN is none of them.
+    wrong = (z < NEAREST) | (z > FARTHEST)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise InputError(
+            f"{keyword(f'{name}[{row}, {column}]', float(z[row, column]))} is not a distance in front of the camera "
+            f"({np.count_nonzero(wrong)} such pixels): give values from {NEAREST:g} to {FARTHEST:g}, NaN where there "
+            "is no surface.",
+            argument=name,
+            value=given,
+        )
+    return z
+
+
+def as_known_depth(name: str, given: ArrayLike, shape: tuple[int, ...]) -> tuple[Array, Mask]:
+    """Depths that are known at some pixels of an image, NaN elsewhere, and where they are.
+
+    Raises
+    ------
+    InputError
+        When they are no floats of the shape, there are none, or one is no depth from 1e-30 to 1e30.
+    """
+    depths = as_array(name, given)
+    if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
+        raise unlike(
+            name,
+            given,
+            f"is {depths.dtype} of shape {depths.shape}: give a float array of the image's shape {shape}, NaN where "
+            "the depth is unknown.",
+        )
+    known = ~np.isnan(depths)
+    values = to_float64(depths[known])
+    if values.size == 0:
+        raise unlike(name, given, "holds no value: leave it out for z = 1 on the edge, or give at least one depth.")
+    if infinite := np.count_nonzero(np.isinf(values)):
+        raise unlike(name, given, f"holds {infinite} infinite values: use NaN for unknown.")
+    nearest, farthest = float(values.min()), float(values.max())
+    if nearest <= 0:
+        raise unlike(
+            name,
+            given,
+            f"goes down to {nearest:g}: depths are distances along the optical axis and positive; use NaN for unknown.",
+        )
+    if nearest < NEAREST or farthest > FARTHEST:
+        value = nearest if nearest < NEAREST else farthest
+        raise unlike(
+            name,
+            given,
+            f"holds {value:g}: give depths from {NEAREST:g} to {FARTHEST:g}, in another unit if need be, and NaN for "
+            "unknown.",
+        )
+    return to_float64(depths), known
+
+
+def as_albedo(name: str, given: ArrayLike, used: Mask) -> Array:
+    """Share of light that a surface returns at the pixels that are used, as float64 in a new array, 1 elsewhere.
+
+    Raises
+    ------
+    InputError
+        When it is no array of floats of that shape, or not in (0, 1] where it is used.
+    """
+    shares = as_array(name, given)
+    if shares.shape != used.shape or not np.issubdtype(shares.dtype, np.floating):
+        raise unlike(
+            name,
+            given,
+            f"is {shares.dtype} of shape {shares.shape}: give a float array of the image's shape {used.shape}, the "
+            "share of light in (0, 1] that each pixel's surface returns.",
+        )
+    # Written so that a NaN is found too.
+    if bad := int(np.count_nonzero(~((shares > 0) & (shares <= 1)) & used)):
+        raise unlike(
+            name,
+            given,
+            f"is not in (0, 1] at {bad} pixels with a surface, where it ranges from {shares[used].min():g} to "
+            f"{shares[used].max():g}: divide by its largest value, and mask out what is black or unknown.",
+        )
+    return np.where(used, shares, 1.0).astype(np.float64)

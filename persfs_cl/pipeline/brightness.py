@@ -1,0 +1,98 @@
+"""How a photo becomes the image that is solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from persfs_cl.arrays import Array
+from persfs_cl.errors import InputError
+from persfs_cl.io.maps import read_light
+from persfs_cl.io.photos import Channel, Encoding
+from persfs_cl.preparation.prepare import Highlights, Normalise, Preparation, PreparedPhoto
+from persfs_cl.shading.model import Light
+from persfs_cl.wording import keyword
+
+_DARKENING = ("clip_highlights", "mean_filter", "ambient", "highlights")
+"""What can take the shading away."""
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """How a photo becomes linear light and, for a parallel light, E.
+
+    Attributes
+    ----------
+    channel, encoding
+        As for :func:`persfs_cl.io.photos.read_photo`.
+    ambient, vignetting, highlights, saturation, clip_highlights, mean_filter
+        As for :class:`persfs_cl.preparation.prepare.Preparation`, with files instead of arrays.
+    normalise : {"linear", "grey", "none"} or None
+        Divide by the brightest value, stretch by eq. (2), or leave as it is. None is "linear" for a parallel light;
+        for others nothing is normalised.
+    white_percentile : float or None
+        As for :meth:`persfs_cl.preparation.prepare.PreparedPhoto.normalised`.
+    """
+
+    channel: Channel = "luminance"
+    encoding: Encoding = "auto"
+    ambient: float | Path = 0.0
+    vignetting: Literal["none", "cos4"] | Path = "none"
+    highlights: Highlights = "keep"
+    saturation: float | None = None
+    clip_highlights: float | None = None
+    mean_filter: int = 1
+    normalise: Normalise | None = None
+    white_percentile: float | None = None
+
+    def preparation(self, shape: tuple[int, int], *, orientation: int = 1) -> Preparation:
+        """The same with arrays of the photo's shape, read from the files; `orientation` is the photo's.
+
+        Raises
+        ------
+        InputError
+            When a file cannot be used, or a number is impossible.
+        """
+        files = {
+            name: read_light(file, shape, channel=self.channel, encoding=self.encoding, orientation=orientation)
+            for name, file in (("ambient", self.ambient), ("vignetting", self.vignetting))
+            if isinstance(file, Path)
+        }
+        numbers = {name: getattr(self, name) for name in Preparation.__dataclass_fields__}
+        return Preparation(**(numbers | files))
+
+    def applied(self, prepared: PreparedPhoto, light: Light) -> tuple[Array, Array, dict[str, Any]]:
+        """The image to solve, the photo itself on the same scale, and what was done, for the report.
+
+        The second is less ambient light and without vignetting, but neither clipped nor filled nor filtered; where E is
+        1, what is brighter is 1.
+
+        Raises
+        ------
+        InputError
+            When there is no shading, or the light is no parallel one and a normalisation is asked for.
+        """
+        image, mask = prepared.light, prepared.mask
+        if mask.sum() > 1 and np.ptp(image[mask]) == 0:
+            clipping, smoothing, ambient, highlights = map(keyword, _DARKENING)
+            raise InputError(
+                f"the brightness is the same everywhere after {clipping} and {smoothing} (and {ambient} and "
+                f"{highlights}): there is no shading left to reconstruct from. Clip or smooth less."
+            )
+        done = {"channel": self.channel, **prepared.report}
+        done |= {name: str(file) for name, file in vars(self).items() if isinstance(file, Path)}
+        if light.normalised:
+            normalised = prepared.normalised(self.normalise or "linear", percentile=self.white_percentile)
+            return normalised.image, normalised.unfiltered, {**done, **normalised.report}
+        if self.normalise not in (None, "none") or self.white_percentile is not None:
+            name = "normalise" if self.white_percentile is None else "white_percentile"
+            raise InputError(
+                f"only a parallel light takes an image between 0 and 1: leave out {keyword('normalise')} and "
+                f"{keyword('white_percentile')}.",
+                argument=name,
+                value=getattr(self, name),
+            )
+        return image, prepared.unfiltered, {**done, "normalise": "none"}

@@ -1,0 +1,79 @@
+"""Which camera took a photo: as somebody says, or else as its file does."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from persfs_cl.camera import Camera
+from persfs_cl.checks import warn
+from persfs_cl.errors import CameraError
+from persfs_cl.io.exif import exif_focal_length
+from persfs_cl.wording import keyword
+
+_WIDE = 120.0
+"""Degrees that hardly any lens sees which draws straight lines straight."""
+
+
+@dataclass(frozen=True)
+class CameraChoice:
+    """What is said of the camera. Where neither focal length nor field of view is, the photo's file must say it.
+
+    Attributes
+    ----------
+    focal_length : float, (float, float) or None
+        In pixels.
+    fov : float or None
+        Horizontal, in degrees; it counts before the focal length.
+    principal_point : (float, float) or None
+        Column and row in pixels.
+    """
+
+    focal_length: float | tuple[float, float] | None = None
+    fov: float | None = None
+    principal_point: tuple[float, float] | None = None
+
+    def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
+        """The camera of an image, and what told its focal length.
+
+        Parameters
+        ----------
+        path : Path
+            The image's file; its EXIF data say the focal length where nothing else does.
+        shape : (int, int)
+            (height, width) of the image.
+
+        Raises
+        ------
+        CameraError
+            When the EXIF data lack the focal length.
+
+        Warns
+        -----
+        UserWarning
+            When the focal length makes so wide a view that it looks like millimetres.
+        """
+        if self.fov is not None:
+            return Camera.from_fov(self.fov, shape, self.principal_point), "--fov"
+        if self.focal_length is None:
+            try:
+                length, tags = exif_focal_length(path)
+            except CameraError as error:
+                raise error.adding(f"Or give {keyword('fov')}, the horizontal field of view in degrees.") from error
+            return Camera(length, self.principal_point), f"EXIF {tags}"
+        camera = Camera(self.focal_length, self.principal_point)
+        view = horizontal_view(camera, shape)
+        if view > _WIDE:
+            given = keyword("focal_length", camera.fx, written=f"{camera.fx:g}")
+            warn(
+                f"{given} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "
+                "pixels, not millimetres."
+            )
+        return camera, "--focal-length"
+
+
+def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:
+    """Angle in degrees between the left and the right edge of an image of shape (height, width)."""
+    left = camera.centre(shape)[0] + 0.5
+    return math.degrees(math.atan(left / camera.fx) + math.atan((shape[1] - left) / camera.fx))

@@ -1,0 +1,78 @@
+"""Where results go: all of them, or none."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from command import FOCAL, HEIGHT, WIDTH, names, run
+
+from persfs_cl.io import files
+
+
+def test_output_folder_is_checked_before_the_photo_is_read(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").write_text("mine")
+    places = {"file": "is a file", "file/below": "Not a directory", "full": "--overwrite", "x" * 300: "too long"}
+    for place, message in places.items():
+        outcome = run("reconstruct", tmp_path / "missing.png", "-o", tmp_path / place, *FOCAL)
+        assert (outcome.status, outcome.stdout) == (2, "")
+        assert message in outcome.stderr
+        assert "missing.png" not in outcome.stderr
+    assert names(tmp_path) == {"file", "full"}
+    assert names(tmp_path / "full") == {"mine"}
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a folder in which even root can create nothing")
+def test_output_folder_must_be_writable() -> None:
+    outcome = run("reconstruct", "missing.png", "-o", "/proc/self/out", *FOCAL)
+    assert outcome.status == 2
+    assert "/proc/self/out cannot be written" in outcome.stderr
+
+
+@pytest.mark.usefixtures("quick")
+def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "mine").write_text("mine")
+    (out / "depth.npy").write_text("old")
+    assert run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite").status == 0
+    assert (out / "mine").read_text() == "mine"
+    assert np.load(out / "depth.npy").shape == (HEIGHT, WIDTH)
+    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+
+
+@pytest.mark.parametrize("existing", [False, True])
+def test_full_disk_leaves_nothing_behind(
+    existing: bool, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    out = tmp_path / "above" / "out"
+    if existing:
+        out.mkdir(parents=True)
+        (out / "depth.npy").write_text("old")
+    monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
+    outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
+    assert (outcome.status, outcome.stdout) == (1, "")
+    assert f"{out / 'mesh.ply'} cannot be written: No space left on device" in outcome.stderr
+    assert out.parent.exists() == existing
+    if existing:
+        assert names(out) == {"depth.npy"}
+        assert (out / "depth.npy").read_text() == "old"
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    left = out / f".persfs-cl-{files._machine()}-{'1' * 32}-abc"
+    left.mkdir(parents=True)
+    (left / "depth.npy").write_text("half")
+    assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
+    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}

@@ -1,0 +1,52 @@
+"""Help, version, and how the command starts."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+from command import run
+
+import persfs_cl as ps
+from persfs_cl.cli.reconstruct import reconstruct
+
+
+def test_help_and_version() -> None:
+    assert run("--version") == (0, f"persfs-cl {ps.__version__}\n", "")
+    overview = run("--help")
+    assert overview.status == 0
+    for name in ("reconstruct", "render", "compare", "devices", "demo"):
+        assert name in overview.stdout
+        assert run(name, "-h").status == 0
+    assert run().status == 2
+    assert run("reconstrct").status == 2
+    details = run("reconstruct", "--help").stdout
+    for name in inspect.signature(reconstruct).parameters:
+        assert name == "photo" or f"--{ {'offset': 'lamp'}.get(name, name).replace('_', '-') }" in details
+    for text in ("Camera", "Light", "Solver", "DEGREES", "persfs-cl reconstruct photo.jpg", "STOPPED"):
+        assert text in details
+
+
+def test_module_starts_without_what_help_does_not_need() -> None:
+    heavy = ("PIL", "imageio", "matplotlib", "tifffile", "trimesh")
+    script = f"""
+import atexit, sys
+atexit.register(lambda: print("loaded:", *{heavy!r} & sys.modules.keys()))
+sys.argv = ["persfs-cl", "--help"]
+from persfs_cl.__main__ import main
+main()
+""".replace(repr(heavy), repr(set(heavy)))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "Usage: persfs-cl" in done.stdout
+    assert done.stdout.splitlines()[-1].strip() == "loaded:"
+
+
+def test_module_as_a_command(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "persfs_cl", "reconstruct", "missing.png", "-o", "out", "--focal-length=3"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert "missing.png does not exist" in done.stderr
