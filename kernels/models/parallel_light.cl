@@ -91,14 +91,14 @@ static inline number argmin_gradient(const number brightness, const number gradi
                                     const number across, const int along_y, const parameter_set *parameters)
 {
     const real light = along_y ? parameters->q0 : parameters->p0;
-    const number steepest = parameters->steepest;
+    const real steepest = parameters->steepest;
     const number q = parameters->sign * gradient_across;
     const number m = (along - light) * parameters->inverse_norm;
     const number a = multiply_add(along, along, 1);
     const number v = multiply_add(across, q, 1);
     const number excess = multiply_add(a * brightness, brightness, -(m * m));
     const number t = m * root(multiply_add(a * q, q, v * v) / most(excess, 0));
-    const number slope = excess > 0 ? (t - along * v) / a : (m < 0 ? -steepest : steepest);
+    const number slope = excess > 0 ? (t - along * v) / a : choose(m < 0, -steepest, steepest);
     return parameters->sign * most(least(slope, steepest), -steepest);
 }
 

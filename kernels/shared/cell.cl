@@ -1,7 +1,7 @@
 /* One Gauss-Seidel step of one cell, in place: its value by value_of of first_order.cl or second_order.cl, accepted by
  * update.cl. The variant for one cell a work-item at a time: LANES is 1.
  *
- * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where its value changes.
+ * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where it accepts a value.
  */
 static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
                                __global const real *brightness, /* marked as in update.cl, same shape */
@@ -27,6 +27,7 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
     const real value = value_of(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
     const real result = updated(value, shading, here, at[-1], at[1], at[-(long)stride], at[stride], flags + cell, 1, x,
                                 y, parameters, 1);
-    if (result != here)
+    /* Else it is what stands there. */
+    if (result < bound_of(here))
         log_depth[cell] = result;
 }

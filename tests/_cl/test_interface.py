@@ -136,6 +136,8 @@ def test_a_part_defines_what_the_page_says_for_those_that_use_it(file: str) -> N
     assert set(names) <= defined(file)
     if expected := PARTS[file].files("used by"):
         assert set().union(*map(users, names)) == expected
+        of_kinds = {name_of(row) for kind in KINDS for row in interface(kind)}
+        assert {name for name in defined(file) - of_kinds if users(name) & expected} == set(names)
 
 
 @pytest.mark.parametrize(
