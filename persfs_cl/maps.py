@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.checks import as_array, as_floats, to_float64, unlike
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, as_array, as_floats, to_float64, unlike
 from persfs_cl.errors import InputError
 from persfs_cl.wording import keyword
 
@@ -24,16 +23,19 @@ _READERS = {
 _ARRAYS_OF_PHOTOS = {"image": "its .image", "light": "its .light, or for a parallel light its .normalised().image"}
 
 
-def as_given(name: str, given: ArrayLike) -> NDArray[Any]:
+def as_array_of_image(name: str, given: ArrayLike) -> NDArray[Any]:
     """The image, or the map that goes with one, that a user gave, perhaps the very array.
 
     Raises
     ------
     InputError
-        As :func:`persfs_cl.checks.as_array`; and when it is a path or a photograph, saying what to give instead.
+        As :func:`as_array`; and when it is a path or a photograph, saying what to give instead.
     """
     if isinstance(given, (str, os.PathLike)):
-        raise InputError.about(name, str(given), f"is no array: give {_READERS[name]} if it is a path.")
+        remedy = (
+            f"give {_READERS[name]} if it is a path." if name in _READERS else "read the file first if it is a path."
+        )
+        raise InputError.about(name, str(given), f"is no array: {remedy}")
     for attribute, remedy in _ARRAYS_OF_PHOTOS.items():
         if hasattr(given, attribute):
             raise unlike(name, given, f"is a {type(given).__name__}, no array: give {remedy}.")
@@ -111,7 +113,7 @@ def as_known_depth(name: str, given: ArrayLike, shape: tuple[int, ...]) -> tuple
     InputError
         When they are no floats of the shape, there are none, or one is no depth from 1e-30 to 1e30.
     """
-    depths = as_array(name, given)
+    depths = as_array_of_image(name, given)
     if depths.shape != shape or not np.issubdtype(depths.dtype, np.floating):
         raise unlike(
             name,
@@ -151,7 +153,7 @@ def as_albedo(name: str, given: ArrayLike, used: Mask) -> Array:
     InputError
         When it is no array of floats of that shape, or not in (0, 1] where it is used.
     """
-    shares = as_array(name, given)
+    shares = as_array_of_image(name, given)
     if shares.shape != used.shape or not np.issubdtype(shares.dtype, np.floating):
         raise unlike(
             name,

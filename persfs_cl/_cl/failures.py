@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from persfs_cl._cl.device import Device
 from persfs_cl.errors import DeviceError
+from persfs_cl.wording import keyword
 
 
 @contextmanager
@@ -36,5 +37,5 @@ def out_of_memory(device: Device, error: cl.Error, size: int | None = None) -> D
     what = "this image" if size is None else f"an array of {size / 2**20:.0f} MiB"
     return DeviceError(
         f"{device} has no memory left for {what} (it has {device.memory / 2**30:.1f} GiB): use a smaller image, "
-        f"precision='float32', or another device. It says: {error}"
+        f"{keyword('precision', 'float32')}, or another device. It says: {error}"
     )

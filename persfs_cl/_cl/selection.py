@@ -89,10 +89,10 @@ def _from_environment(found: list[Device]) -> Device:
     try:
         handle = cl.create_some_context(interactive=False).devices[0]
     except (cl.Error, RuntimeError, ValueError, IndexError) as error:
-        raise DeviceError(
-            f"PYOPENCL_CTX={wanted!r} names no device ({error}): unset it, or see 'persfs-cl devices'."
+        raise DeviceError.about(
+            "PYOPENCL_CTX", wanted, f"names no device ({error}): unset it, or see 'persfs-cl devices'."
         ) from error
     for device in found:
         if device.is_handle(handle):
             return device
-    raise DeviceError(f"PYOPENCL_CTX={wanted!r} names a device that cannot be used: see 'persfs-cl devices'.")
+    raise DeviceError.about("PYOPENCL_CTX", wanted, "names a device that cannot be used: see 'persfs-cl devices'.")

@@ -22,6 +22,7 @@ from persfs_cl._cl.parameters import records
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.run import Run
 from persfs_cl.errors import DeviceError
+from persfs_cl.wording import keyword
 
 _CELLS_AT_A_TIME = 2**28
 """Cells of iterations that are queued together at least, where that keeps images in the cache: half a second or so."""
@@ -322,7 +323,8 @@ class Sweeper:
         """Wait for the device, and raise an error where groups that share out the work have left some of it."""
         if not self.ordering.is_done(self._run):
             raise DeviceError(
-                f"{self._device} left parts of the image undone: its driver is at fault. Use ordering='lexicographic'."
+                f"{self._device} left parts of the image undone: its driver is at fault. Use "
+                f"{keyword('ordering', 'lexicographic')}."
             )
 
     @contextmanager

@@ -25,13 +25,7 @@ from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured,
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
 from persfs_cl.bench.solutions import small_image, solutions
-from persfs_cl.bench.subjects import (
-    Subject,
-    iterations,
-    smooth_problem,
-    sweeper,
-    sweeps_alone,
-)
+from persfs_cl.bench.subjects import Subject, iterations, smooth_problem, sweeper, sweeps_alone
 from persfs_cl.choices import Scheme
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]

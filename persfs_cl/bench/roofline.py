@@ -9,13 +9,7 @@ import numpy as np
 from persfs_cl._cl.probes import copier, device_seconds, multiplier
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
-from persfs_cl.bench.subjects import (
-    Subject,
-    iterations,
-    smooth_problem,
-    sweeper,
-    sweeps_alone,
-)
+from persfs_cl.bench.subjects import Subject, iterations, smooth_problem, sweeper, sweeps_alone
 from persfs_cl.bench.timing import Work, take_turns
 
 NUMBERS_A_CELL = {"wavefront": 3, "lexicographic": 3, "checkerboard": 4}

@@ -10,13 +10,7 @@ import typer
 from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.interrupts import stop_on_interrupt
-from persfs_cl.cli.options import (
-    AlbedoOption,
-    chosen_camera,
-    chosen_keywords,
-    chosen_light,
-    chosen_reflectance,
-)
+from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array
-from persfs_cl.checks import finite_number
-from persfs_cl.depths import FARTHEST, NEAREST
+from persfs_cl.checks import FARTHEST, NEAREST, finite_number
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.wording import brief

@@ -185,6 +185,7 @@ class PreparedPhoto:
         (0.0, 1.0)
         """
         black, white, image = 0.0, 1.0, self.light
+        check_choice("how", how, Normalise)
         if how == "linear":
             percentile = 99.5 if percentile is None else percentile
             white = brightest_diffuse(image, mask=self.mask, percentile=percentile)

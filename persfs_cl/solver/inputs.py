@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl import checks
 from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
-from persfs_cl.maps import as_given, as_known_depth
+from persfs_cl.maps import as_array_of_image
 from persfs_cl.masks import Neighbours
 from persfs_cl.shading.model import Light, Model, largest
 from persfs_cl.shading.reflectance import Reflectance
@@ -32,7 +32,7 @@ no part of what was photographed."""
 
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
     """The image as an array, shape (height, width), perhaps the very array given; InputError when it is none."""
-    given = as_given("image", image)
+    given = as_array_of_image("image", image)
     if given.ndim != 2 or given.size < 2:
         remedy = " A colour image must be made grey first: see read_image." if given.ndim == 3 else ""
         shape = f"has shape {given.shape}: give a (height, width) array of at least 2 pixels.{remedy}"
@@ -120,16 +120,6 @@ def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_
             f"{100 * share:.0f} % of the pixels to solve are darker than {100 * _DARK:g} % of the brightest, and "
             "become a surface far away: if they are background or shadow, mask them out."
         )
-
-
-def require_mask(name: str, given: ArrayLike, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """The array of bool that a user gave, or InputError."""
-    return checks.as_mask(name, as_given(name, given), shape)
-
-
-def require_depths(given: ArrayLike, shape: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The known depths, and where there are any."""
-    return as_known_depth("known_depth", as_given("known_depth", given), shape)
 
 
 def require_relief(depths: NDArray[np.float64]) -> None:

@@ -12,15 +12,13 @@ from persfs_cl import masks
 from persfs_cl._cl.image import Image
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
-from persfs_cl.checks import FARTHEST, NEAREST, to_float64
+from persfs_cl.checks import FARTHEST, NEAREST, as_mask, to_float64
 from persfs_cl.errors import InputError
-from persfs_cl.maps import as_albedo, as_given
+from persfs_cl.maps import as_albedo, as_array_of_image, as_known_depth
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Domain, lay_out
 from persfs_cl.solver.inputs import (
-    require_depths,
     require_image,
-    require_mask,
     require_relief,
     require_shading,
     warn_of_background,
@@ -212,8 +210,8 @@ def prepare(
     shape = photograph.shape
     grid = camera.grid(shape)
     camera.warn_if_off_image(shape)
-    wanted = np.ones(shape, bool) if mask is None else require_mask("mask", mask, shape)
-    barriers = None if walls is None else require_mask("walls", walls, shape)
+    wanted = np.ones(shape, bool) if mask is None else as_mask("mask", as_array_of_image("mask", mask), shape)
+    barriers = None if walls is None else as_mask("walls", as_array_of_image("walls", walls), shape)
     if known_depth is None and not light.flat_rim and not light.determines_depth:
         raise InputError(
             f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
@@ -221,7 +219,7 @@ def prepare(
             argument="known_depth",
         )
     if known_depth is not None:
-        depths, known = require_depths(known_depth, shape)
+        depths, known = as_known_depth("known_depth", known_depth, shape)
     else:
         known = masks.rim(wanted) if light.flat_rim else np.zeros(shape, bool)
         depths = np.where(known, 1.0, np.nan)
@@ -236,7 +234,7 @@ def prepare(
     reflecting = None
     if albedo is not None:
         used = layout.known | layout.solved
-        reflecting = as_albedo("albedo", as_given("albedo", albedo), used if on_walls is None else used | on_walls)
+        reflecting = as_albedo("albedo", albedo, used if on_walls is None else used | on_walls)
     # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
     if not (photograph.min() >= -_MOST_LIGHT and photograph.max() <= _MOST_LIGHT):
         photograph[~layout.solved & ~(np.abs(photograph) <= _MOST_LIGHT)] = np.nan

@@ -12,7 +12,7 @@ from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_floats, as_mask, check_choice
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
-from persfs_cl.maps import as_albedo, as_given
+from persfs_cl.maps import as_albedo
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.light import require_light
@@ -95,7 +95,7 @@ def render(
     present = ~np.isnan(values)
     if not present.any():
         raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
-    reflecting = None if albedo is None else as_albedo("albedo", as_given("albedo", albedo), present)
+    reflecting = None if albedo is None else as_albedo("albedo", albedo, present)
     if cuts is not None:
         if not isinstance(cuts, Cuts):
             raise InputError.about("cuts", cuts, "is none: give Solution.cuts, or persfs_cl.surface.geometry.Cuts.")

@@ -35,7 +35,7 @@ def test_module_starts_without_what_help_does_not_need() -> None:
 import atexit, sys
 atexit.register(lambda: print("loaded:", *{heavy!r} & sys.modules.keys()))
 sys.argv = ["persfs-cl", "--help"]
-from persfs_cl.__main__ import main
+from persfs_cl.cli import main
 main()
 """.replace(repr(heavy), repr(set(heavy)))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
