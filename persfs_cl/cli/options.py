@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any, Literal, Optional, cast, get_args
+from typing import Annotated, Any, Optional, cast, get_args
 
 import typer
 
@@ -129,20 +129,23 @@ def _keyword(name: str, kind: Any, option: Option) -> Parameter:
         except InputError as error:
             raise WrongOption(error) from error
 
+    named: Any = kind
+    metavar = None
+    if str in get_args(kind):
+        named = Optional[str]  # noqa: UP045  # whatever else it may be, it can be said by a text
+    elif kind is str and option.choices:
+        # The table that they come from may grow, and so they are checked when they are given.
+        metavar = f"<{'|'.join(option.choices())}>"
     typed = typer.Option(
         f"--{name.replace('_', '-')}",
+        metavar=metavar,
         help=option.help or None,
         min=option.least,
         max=option.most,
         callback=check,
         rich_help_panel=option.panel,
     )
-    choices: Any = kind
-    if option.choices:
-        choices = Literal[tuple(option.choices())]
-    elif str in get_args(kind):
-        choices = Optional[str]  # noqa: UP045  # whatever else it may be, it can be said by a text
-    return Parameter(name, Parameter.KEYWORD_ONLY, default=option.default, annotation=Annotated[choices, typed])
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=option.default, annotation=Annotated[named, typed])
 
 
 chosen_device = keyword_chooser("device")
