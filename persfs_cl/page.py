@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, atomic_path, read_bytes
 
-CIRCUMSTANCES = "circumstances"
+ENVIRONMENT = "environment"
 """The marker under which every page says on what machine its figures were found."""
 
 _END = "<!-- end -->"

@@ -29,7 +29,7 @@ def values() -> dict[str, Any]:
     return {
         "Scene": scene,
         "Solution": solution,
-        "Cuts": solution.cuts,
+        "Discontinuities": solution.discontinuities,
         "Confidence": solution.confidence(),
         "Photo": photo,
         "Preparation": preparation,
@@ -43,7 +43,7 @@ def values() -> dict[str, Any]:
 SAID = {
     "Scene": ("'bump'", "30 x 20", "depth 1 to 1.", "FlashLight"),
     "Solution": ("CONVERGED", "600 of 30 x 20", "iteration"),
-    "Cuts": ("30 x 20", "below"),
+    "Discontinuities": ("30 x 20", "below"),
     "Confidence": ("30 x 20", "median slope error 0.", "10 in doubt"),
     "Photo": ("'coin.png'", "72 x 72", "8 bits", "srgb", "luminance"),
     "Preparation": ("ambient=<array>", "vignetting=<array>", "highlights='keep'", "mean_filter=1"),

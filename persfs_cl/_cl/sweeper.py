@@ -17,7 +17,7 @@ from persfs_cl._cl.image import Image
 from persfs_cl._cl.kernel import kernel
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings import ordering_for
-from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, Ordering, Workload
+from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, Ordering, Setup
 from persfs_cl._cl.parameters import records
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.run import Run
@@ -85,8 +85,8 @@ class Sweeper:
         self.count = len(images)
         height, width = images[0].log_depth.shape
         if isinstance(ordering, str):
-            workload = Workload(device, precision, (height, width), self.count, second_order, only_lower)
-            ordering = ordering_for(ordering, workload)
+            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower)
+            ordering = ordering_for(ordering, setup)
         self.ordering = ordering
         self._layout = ordering.layout((height, width))
         # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.

@@ -96,7 +96,7 @@ LAMP_ASIDE = (0.0, 0.1, 0.2, 0.3, 0.5)
 LAMP_SCHEMES = ("upwind", "Lax-Friedrichs")
 
 
-def subject(scene: str, scheme: str) -> str:
+def workload(scene: str, scheme: str) -> str:
     """What the records of a scene and a scheme are of."""
     return f"{scene}: {scheme}"
 
@@ -116,7 +116,7 @@ def refined(plan: Plan, scene: str, scheme: str, sizes: Sequence[int]) -> list[R
     scenes = [SCENES[scene](size) for size in sizes]
     solutions = [_solved(plan, each, **SCHEMES[scheme]) for each in scenes]
     errors = [ps.compare(solution.depth, each.depth).mean for solution, each in zip(solutions, scenes, strict=True)]
-    name = subject(scene, scheme)
+    name = workload(scene, scheme)
     records = [
         _record(plan, "accuracy", name, size, [error], [solution], unit=DEPTH)
         for size, error, solution in zip(sizes, errors, solutions, strict=True)
@@ -192,7 +192,7 @@ def lamp(plan: Plan) -> Iterator[list[Record]]:
                 # That the rounds do not settle is in the table.
                 warnings.simplefilter("ignore")
                 solution = _solved(plan, scene, **SCHEMES[scheme])
-            yield _shares(plan, "lamp", subject(lamp_name(aside), scheme), [scene], [solution])[:1]
+            yield _shares(plan, "lamp", workload(lamp_name(aside), scheme), [scene], [solution])[:1]
 
 
 def lamp_name(aside: float) -> str:
@@ -268,7 +268,7 @@ def _record(
     return Record.of(
         values,
         experiment=experiment,
-        subject=name,
+        workload=name,
         quantity=quantity,
         unit=unit,
         size=size,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import persfs_cl as ps
-from persfs_cl.bench.accuracy import DEPTH, ERROR, SCHEMES, subject
+from persfs_cl.bench.accuracy import DEPTH, ERROR, SCHEMES, workload
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
@@ -86,7 +86,7 @@ def _side_by_side(plan: Plan, photograph: str, scene: Scene) -> list[Record]:
         Record.of(
             [ps.compare(np.exp(log_depth), scene.depth, mask=unknown).mean],
             experiment="weno",
-            subject=subject(photograph, scheme),
+            workload=workload(photograph, scheme),
             quantity=ERROR,
             unit=DEPTH,
             size=scene.image.shape[0],
@@ -100,4 +100,4 @@ def _side_by_side(plan: Plan, photograph: str, scene: Scene) -> list[Record]:
 
 
 def _skipped(photograph: str, scheme: str, scene: Scene, reason: str) -> Record:
-    return skip("weno", subject(photograph, scheme), ERROR, DEPTH, scene.image.shape[0], _PRECISION, reason)
+    return skip("weno", workload(photograph, scheme), ERROR, DEPTH, scene.image.shape[0], _PRECISION, reason)

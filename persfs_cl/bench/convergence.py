@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
-from persfs_cl.bench.subjects import sweeper
+from persfs_cl.bench.workloads import sweeper
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
 
@@ -49,7 +49,7 @@ def convergence(plan: Plan) -> Iterator[list[Record]]:
         for number, error in enumerate(errors):
             common = {
                 "experiment": "convergence",
-                "subject": ordering,
+                "workload": ordering,
                 "size": size,
                 "images": 1,
                 "precision": plan.precision,

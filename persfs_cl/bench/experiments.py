@@ -12,7 +12,7 @@ from persfs_cl._cl.cache import cache_folders
 from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
-from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.ordering import Ordering, Setup
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
 from persfs_cl._cl.registers import lanes
@@ -21,11 +21,11 @@ from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, lamp, reflectan
 from persfs_cl.bench.alternatives import weno
 from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.plan import SCHEMES, Plan
-from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_peer, skip
+from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
 from persfs_cl.bench.solutions import small_image, solutions
-from persfs_cl.bench.subjects import Subject, iterations, smooth_problem, sweeper, sweeps_alone
+from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 from persfs_cl.choices import Scheme
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]
@@ -38,26 +38,26 @@ _MEMORY_SIZE = 4096
 def orderings(plan: Plan) -> Iterator[list[Record]]:
     """Orderings and yardsticks side by side, at one size: sweeps alone, and whole iterations."""
     size, precision = plan.size(), plan.precision
-    peers, skipped = available("orderings", (PLAIN_C, "numba"), size, precision)
-    subjects = []
+    baselines, skipped = available("orderings", (PLAIN_C, "numba"), size, precision)
+    workloads = []
     for scheme in plan.schemes_or(SCHEMES):
         problem = smooth_problem(size, scheme)
         for ordering in plan.orderings:
             sweeps = sweeper(plan.device, problem, ordering, precision)
             if sweeps.ordering.single_sweeps:
-                subjects.append(sweeps_alone(_named(ordering, scheme), plan.device, sweeps, problem))
-            subjects.append(iterations(_named(f"{ordering}, iterations", scheme), sweeps, problem))
-    yield measured(plan, "orderings", size, precision, [*subjects, *peers]) + skipped
+                workloads.append(sweeps_alone(_named(ordering, scheme), plan.device, sweeps, problem))
+            workloads.append(iterations(_named(f"{ordering}, iterations", scheme), sweeps, problem))
+    yield measured(plan, "orderings", size, precision, [*workloads, *baselines]) + skipped
     small = plan.size(_NUMPY_SIZE)
-    yield measured(plan, "orderings", small, "float64", [numpy_peer(small)])
+    yield measured(plan, "orderings", small, "float64", [numpy_baseline(small)])
 
 
 def sizes(plan: Plan) -> Iterator[list[Record]]:
     """How the rate of whole iterations depends on the size of the image."""
     for size in plan.edges():
-        peers, skipped = available("sizes", (PLAIN_C,), size, plan.precision)
-        subjects = _iterations(plan, size, plan.orderings)
-        yield measured(plan, "sizes", size, plan.precision, [*subjects, *peers]) + skipped
+        baselines, skipped = available("sizes", (PLAIN_C,), size, plan.precision)
+        workloads = _iterations(plan, size, plan.orderings)
+        yield measured(plan, "sizes", size, plan.precision, [*workloads, *baselines]) + skipped
 
 
 def batch(plan: Plan) -> Iterator[list[Record]]:
@@ -65,9 +65,9 @@ def batch(plan: Plan) -> Iterator[list[Record]]:
     size = plan.size(_BATCH_SIZE)
     shared = [ordering for ordering in plan.orderings if ordering != "lexicographic"]
     for images in plan.batch:
-        peers, skipped = available("batch", (PLAIN_C,), size, plan.precision)
-        subjects = _iterations(plan, size, shared, images=images)
-        yield measured(plan, "batch", size, plan.precision, [*subjects, *peers], images=images) + skipped
+        baselines, skipped = available("batch", (PLAIN_C,), size, plan.precision)
+        workloads = _iterations(plan, size, shared, images=images)
+        yield measured(plan, "batch", size, plan.precision, [*workloads, *baselines], images=images) + skipped
 
 
 def precision(plan: Plan) -> Iterator[list[Record]]:
@@ -78,9 +78,9 @@ def precision(plan: Plan) -> Iterator[list[Record]]:
             reason = f"{plan.device} has no double precision."
             yield [skip("precision", name, RATE, RATE_UNIT, size, real, reason) for name in plan.orderings]
             continue
-        peers, skipped = available("precision", (PLAIN_C,), size, real)
-        subjects = _iterations(replace(plan, precision=real), size, plan.orderings)
-        yield measured(plan, "precision", size, real, [*subjects, *peers]) + skipped
+        baselines, skipped = available("precision", (PLAIN_C,), size, real)
+        workloads = _iterations(replace(plan, precision=real), size, plan.orderings)
+        yield measured(plan, "precision", size, real, [*workloads, *baselines]) + skipped
 
 
 def tunings(plan: Plan) -> Iterator[list[Record]]:
@@ -89,15 +89,15 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
     for scheme in plan.schemes_or():
         problem = smooth_problem(size, scheme)
         # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
-        subjects: dict[str, Subject] = {}
+        workloads: dict[str, Workload] = {}
         for ordering, candidates in _candidates(plan, size).items():
-            chosen = ordering_for(ordering, Workload(plan.device, plan.precision, (size, size), 1))
+            chosen = ordering_for(ordering, Setup(plan.device, plan.precision, (size, size), 1))
             for candidate in (chosen, *candidates):
                 sweeps = sweeper(plan.device, problem, candidate, plan.precision)
-                subject = iterations("", sweeps, problem)
-                name, detail = _named(subject.detail, scheme), "chosen" if candidate is chosen else ""
-                subjects.setdefault(name, replace(subject, name=name, detail=detail))
-        yield measured(plan, "tunings", size, plan.precision, subjects.values())
+                workload = iterations("", sweeps, problem)
+                name, detail = _named(workload.detail, scheme), "chosen" if candidate is chosen else ""
+                workloads.setdefault(name, replace(workload, name=name, detail=detail))
+        yield measured(plan, "tunings", size, plan.precision, workloads.values())
 
 
 def _candidates(plan: Plan, size: int) -> dict[str, list[Ordering]]:
@@ -135,7 +135,7 @@ def compilation(plan: Plan) -> Iterator[list[Record]]:
             Record.of(
                 values,
                 experiment="compilation",
-                subject=ordering,
+                workload=ordering,
                 quantity=f"build, {state}",
                 unit="s",
                 size=0,
@@ -160,7 +160,7 @@ def memory(plan: Plan) -> Iterator[list[Record]]:
         Record.of(
             [value],
             experiment="memory",
-            subject="wavefront",
+            workload="wavefront",
             quantity=quantity,
             unit=unit,
             size=size,
@@ -172,19 +172,19 @@ def memory(plan: Plan) -> Iterator[list[Record]]:
     ]
 
 
-def _iterations(plan: Plan, size: int, orderings: Sequence[str], *, images: int = 1) -> list[Subject]:
-    subjects = []
+def _iterations(plan: Plan, size: int, orderings: Sequence[str], *, images: int = 1) -> list[Workload]:
+    workloads = []
     for scheme in plan.schemes_or():
         problem = smooth_problem(size, scheme)
         for ordering in orderings:
             sweeps = sweeper(plan.device, problem, ordering, plan.precision, images=images)
-            subjects.append(iterations(_named(ordering, scheme), sweeps, problem))
-    return subjects
+            workloads.append(iterations(_named(ordering, scheme), sweeps, problem))
+    return workloads
 
 
-def _named(subject: str, scheme: Scheme) -> str:
-    """What a subject is called: the scheme is told where it is not that of the plain C sweep."""
-    return subject if scheme == "lax-friedrichs" else f"{subject}, {scheme}"
+def _named(workload: str, scheme: Scheme) -> str:
+    """What a workload is called: the scheme is told where it is not that of the plain C sweep."""
+    return workload if scheme == "lax-friedrichs" else f"{workload}, {scheme}"
 
 
 EXPERIMENTS: dict[str, Experiment] = {

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import persfs_cl as ps
-from persfs_cl.bench.subjects import smooth_image
+from persfs_cl.bench.workloads import smooth_image
 from persfs_cl.choices import Precision
 from persfs_cl.errors import PersfsError
 

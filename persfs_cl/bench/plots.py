@@ -1,4 +1,4 @@
-"""Records as plots, each one PNG file with the circumstances on its foot."""
+"""Records as plots, each one PNG file with the environment on its foot."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def draw(folder: Path, records: Sequence[Record], foot: str) -> list[Path]:
     folder : Path
     records : sequence of Record
     foot : str
-        The circumstances.
+        The environment.
 
     Returns
     -------
@@ -79,16 +79,16 @@ def _scaling(records: Sequence[Record]) -> Figure | None:
     figure = _figure(5.2 * len(panels), 4.2)
     places = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axes, (title, attribute, chosen) in zip(places, panels, strict=True):
-        for marker, subject in zip(_MARKERS, dict.fromkeys(record.subject for record in chosen), strict=False):
-            if attribute == "images" and subject == PLAIN_C:
+        for marker, workload in zip(_MARKERS, dict.fromkeys(record.workload for record in chosen), strict=False):
+            if attribute == "images" and workload == PLAIN_C:
                 continue
             points = sorted(
                 (getattr(record, attribute), record.median, record.lowest, record.highest)
                 for record in chosen
-                if record.subject == subject
+                if record.workload == workload
             )
             along, medians, lowest, highest = zip(*points, strict=True)
-            (line,) = axes.loglog(along, medians, marker=marker, label=subject)
+            (line,) = axes.loglog(along, medians, marker=marker, label=workload)
             axes.fill_between(along, lowest, highest, alpha=0.2, color=line.get_color(), linewidth=0)
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("pixels along an edge" if attribute == "size" else f"images of {chosen[0].size}²")
@@ -117,8 +117,8 @@ def _yardsticks(records: Sequence[Record]) -> Figure | None:
         [(record.median or 0.0) - (record.lowest or 0.0) for record in bars],
         [(record.highest or 0.0) - (record.median or 0.0) for record in bars],
     ]
-    names = [f"{record.subject}, {record.size}²" for record in bars]
-    colours = ["C1" if record.subject in YARDSTICKS else "C0" for record in bars]
+    names = [f"{record.workload}, {record.size}²" for record in bars]
+    colours = ["C1" if record.workload in YARDSTICKS else "C0" for record in bars]
     axes.barh(names, medians, xerr=errors, color=colours, error_kw={"elinewidth": 0.8, "capsize": 2})
     for place, record in enumerate(bars):
         factor = "" if record.factor is None else f", {record.factor:.1f} × {PLAIN_C}"
@@ -138,10 +138,10 @@ def _convergence(records: Sequence[Record]) -> Figure | None:
         return None
     figure = _figure(10.4, 4.2)
     by_sweep, by_second = figure.subplots(1, 2, sharey=True)
-    subjects = dict.fromkeys(record.subject for record in chosen)
-    for number, (marker, line, subject) in enumerate(zip(_MARKERS, _LINES, subjects, strict=False)):
+    workloads = dict.fromkeys(record.workload for record in chosen)
+    for number, (marker, line, workload) in enumerate(zip(_MARKERS, _LINES, workloads, strict=False)):
         errors, elapsed = (
-            [record.median for record in chosen if record.subject == subject and record.quantity == quantity]
+            [record.median for record in chosen if record.workload == workload and record.quantity == quantity]
             for quantity in (ERROR, ELAPSED)
         )
         sweeps = [4 * (k + 1) for k in range(len(errors))]
@@ -151,7 +151,7 @@ def _convergence(records: Sequence[Record]) -> Figure | None:
             "marker": marker,
             "markevery": (number * apart // len(_LINES), apart),
             "linestyle": line,
-            "label": subject,
+            "label": workload,
         }
         by_sweep.semilogy(sweeps, errors, **style)
         by_second.loglog(elapsed, errors, **style)
@@ -171,7 +171,7 @@ def _accuracy(records: Sequence[Record]) -> Figure | None:
     sizes = sorted({record.size for record in chosen})
     for number, scheme in enumerate(accuracy.SCHEMES):
         for marker, scene in zip(_MARKERS, accuracy.SCENES, strict=False):
-            points = [record for record in chosen if record.subject == accuracy.subject(scene, scheme)]
+            points = [record for record in chosen if record.workload == accuracy.workload(scene, scheme)]
             if not points:
                 continue
             errors = [record.median for record in points]
@@ -184,7 +184,7 @@ def _accuracy(records: Sequence[Record]) -> Figure | None:
             }
             axes.loglog([record.size for record in points], errors, label=f"{scheme}; {scene}", **style)
     for order, scheme in enumerate(("upwind", "second order"), start=1):
-        largest = max((record.median or 0.0 for record in chosen if record.subject.endswith(scheme)), default=0.0)
+        largest = max((record.median or 0.0 for record in chosen if record.workload.endswith(scheme)), default=0.0)
         if largest:
             # Beside the measured lines, and through no point of theirs.
             slope = [0.4 * largest * (sizes[0] / size) ** order for size in sizes]

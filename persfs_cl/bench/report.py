@@ -12,7 +12,7 @@ from persfs_cl.bench.convergence import ELAPSED, ERROR
 from persfs_cl.bench.rates import PLAIN_C
 from persfs_cl.bench.results import Record
 
-_WORDS = ("subject", "precision", "quantity", "detail")
+_WORDS = ("workload", "precision", "quantity", "detail")
 
 
 def table(experiment: str, records: Sequence[Record]) -> Table:
@@ -41,7 +41,7 @@ def _line(record: Record) -> dict[str, str]:
     unit = f", {record.unit}" if record.unit else ""
     once = record.median is None or record.repeats == 1
     return {
-        "subject": escape(record.subject),
+        "workload": escape(record.workload),
         "pixels": f"{record.size}²" if record.size else "",
         "images": str(record.images),
         "precision": record.precision,
@@ -57,9 +57,9 @@ def _line(record: Record) -> dict[str, str]:
 def _last_iterations(records: Sequence[Record]) -> Iterator[Record]:
     last: dict[str, int] = {}
     for record in records:
-        last[record.subject] = max(last.get(record.subject, 0), record.iteration or 0)
+        last[record.workload] = max(last.get(record.workload, 0), record.iteration or 0)
     for record in records:
-        if record.quantity not in (ERROR, ELAPSED) or record.iteration == last[record.subject]:
+        if record.quantity not in (ERROR, ELAPSED) or record.iteration == last[record.workload]:
             yield record
 
 

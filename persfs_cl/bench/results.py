@@ -14,18 +14,18 @@ from persfs_cl.io.files import FilePath, atomic_path
 
 @dataclass(frozen=True)
 class Record:
-    """One quantity of one subject, measured several times.
+    """One quantity of one workload, measured several times.
 
     Attributes
     ----------
-    experiment, subject, quantity, unit : str
+    experiment, workload, quantity, unit : str
     size : int
         Pixels along an edge of the square image; 0 where no image is involved.
     images : int
         Images that share launches.
     precision : str
     median, lowest, highest : float or None
-        Of the repeats; None when the subject was skipped, and `detail` says why.
+        Of the repeats; None when the workload was skipped, and `detail` says why.
     repeats : int
     by_device : float or None
         The median by the device's own clock (OpenCL events), in the same unit.
@@ -37,7 +37,7 @@ class Record:
     """
 
     experiment: str
-    subject: str
+    workload: str
     quantity: str
     unit: str
     size: int
@@ -60,7 +60,7 @@ class Record:
 
 
 def write_json(path: FilePath, header: Mapping[str, Any], records: Sequence[Record]) -> None:
-    """Write the circumstances and all records.
+    """Write the environment and all records.
 
     Raises
     ------

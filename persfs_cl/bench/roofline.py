@@ -9,8 +9,8 @@ import numpy as np
 from persfs_cl._cl.probes import copier, device_seconds, multiplier
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
-from persfs_cl.bench.subjects import Subject, iterations, smooth_problem, sweeper, sweeps_alone
 from persfs_cl.bench.timing import Work, take_turns
+from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 
 NUMBERS_A_CELL = {"wavefront": 3, "lexicographic": 3, "checkerboard": 4}
 """Numbers that a sweep must move for each cell: it reads Z and E and writes Z. Each half of a sweep of the
@@ -39,24 +39,24 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     multiply, operations = multiplier(device, plan.precision)
     works: dict[str, Work] = {name: _on_device(plan, copier(device, length)) for name, length in arrays.items()}
     works["multiply-adds"] = _on_device(plan, multiply)
-    subjects: dict[str, Subject] = {}
+    workloads: dict[str, Workload] = {}
     for ordering in plan.orderings:
         sweeps = sweeper(device, problem, ordering, plan.precision)
         alone = sweeps.ordering.single_sweeps
-        subjects[ordering] = (
+        workloads[ordering] = (
             sweeps_alone(ordering, device, sweeps, problem) if alone else iterations(ordering, sweeps, problem)
         )
-        works[ordering] = subjects[ordering].work
+        works[ordering] = workloads[ordering].work
     timings = take_turns(works, repeats=plan.repeats, least_seconds=plan.least_seconds, step=_STEP)
 
-    def record(values: list[float], subject: str, quantity: str, unit: str, detail: str) -> Record:
+    def record(values: list[float], workload: str, quantity: str, unit: str, detail: str) -> Record:
         return Record.of(
             values,
             experiment="roofline",
-            subject=subject,
+            workload=workload,
             quantity=quantity,
             unit=unit,
-            size=size if subject in subjects or "image" in subject else 0,
+            size=size if workload in workloads or "image" in workload else 0,
             images=1,
             precision=plan.precision,
             detail=detail,
@@ -67,13 +67,13 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     records = [record(rates, name, "bandwidth", "GB/s", "read and written") for name, rates in bandwidths.items()]
     records.append(record(arithmetic, "multiply-adds", "arithmetic", "Gflop/s", "two operations each"))
     nearest = bandwidths["copy, as large as the image"]
-    for name, subject in subjects.items():
+    for name, workload in workloads.items():
         moved = itemsize * NUMBERS_A_CELL[name]
         for quantity, unit_a_cell, limits, detail in (
             ("share of copy bandwidth", moved, nearest, f"{moved} B a cell"),
             ("share of multiply-adds", OPERATIONS_A_CELL, arithmetic, f"{OPERATIONS_A_CELL} operations a cell"),
         ):
-            rates = timings[name].rates(1e-9 * unit_a_cell * subject.cells)
+            rates = timings[name].rates(1e-9 * unit_a_cell * workload.cells)
             shares = [100.0 * rate / limit for rate, limit in zip(rates, limits, strict=True)]
             records.append(record(shares, name, quantity, "%", detail))
     yield records

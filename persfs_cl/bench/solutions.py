@@ -140,7 +140,7 @@ def _record(plan: Plan, experiment: str, size: int, name: str, timing: Timing, d
     return Record.of(
         [1e3 * seconds for seconds in timing.wall],
         experiment=experiment,
-        subject=name,
+        workload=name,
         quantity=TIME,
         unit=_UNIT,
         size=size,

@@ -12,8 +12,8 @@ from persfs_cl.bench.convergence import ELAPSED
 from persfs_cl.bench.rates import PLAIN_C, RATE_UNIT
 from persfs_cl.bench.report import number
 from persfs_cl.bench.results import Record
-from persfs_cl.circumstances import summary
-from persfs_cl.page import CIRCUMSTANCES, markdown_table
+from persfs_cl.environment import summary
+from persfs_cl.page import ENVIRONMENT, markdown_table
 
 Records = Sequence[Record]
 
@@ -23,16 +23,16 @@ _MILLISECONDS = f"ms, {_SPREAD}"
 
 
 def contents(header: Mapping[str, Any], records: Records) -> dict[str, str]:
-    """What belongs between the markers of a page: the circumstances, and the tables of the experiments that were run.
+    """What belongs between the markers of a page: the environment, and the tables of the experiments that were run.
 
     Parameters
     ----------
     header : mapping
-        As :func:`persfs_cl.circumstances.circumstances` has it.
+        As :func:`persfs_cl.environment.environment` has it.
     records : sequence of Record
         Each experiment's own all together, in the order in which they were found.
     """
-    found = {CIRCUMSTANCES: _circumstances(header, records)}
+    found = {ENVIRONMENT: _circumstances(header, records)}
     for name, (experiment, made) in _TABLES.items():
         if own := [record for record in records if record.experiment == experiment]:
             found[name] = made(own)
@@ -52,7 +52,7 @@ def two_digits(value: float | None) -> str:
 
 def _circumstances(header: Mapping[str, Any], records: Records) -> str:
     parts = [summary(header).replace("\n", "; ")]
-    parts += [record.detail for record in records if record.subject == PLAIN_C and record.median is not None][:1]
+    parts += [record.detail for record in records if record.workload == PLAIN_C and record.median is not None][:1]
     if header["load_average"] is not None:
         parts.append(f"load average at the start {header['load_average']:.1f}")
     return "; ".join(parts)
@@ -75,19 +75,19 @@ def _pixels(record: Record) -> str:
 
 
 def _orderings(records: Records) -> str:
-    rows = [(record.subject, _pixels(record), _value(record), _factor(record)) for record in records]
+    rows = [(record.workload, _pixels(record), _value(record), _factor(record)) for record in records]
     return markdown_table(("what", "pixels", _RATES, f"× {PLAIN_C}"), rows, words=1)
 
 
 def _beside_plain_c(head: str, name: Callable[[Record], str], records: Records) -> str:
-    """A column each subject, a row each value of what is varied."""
+    """A column each workload, a row each value of what is varied."""
     rows: dict[str, dict[str, str]] = {}
     for record in records:
-        factor = "" if record.factor is None or record.subject == PLAIN_C else f", {_factor(record)} ×"
-        rows.setdefault(name(record), {})[record.subject] = _value(record) + factor
-    subjects = list(dict.fromkeys(record.subject for record in records))
-    cells = [(value, *(row.get(subject, "") for subject in subjects)) for value, row in rows.items()]
-    return markdown_table((head, *subjects), cells, words=1)
+        factor = "" if record.factor is None or record.workload == PLAIN_C else f", {_factor(record)} ×"
+        rows.setdefault(name(record), {})[record.workload] = _value(record) + factor
+    workloads = list(dict.fromkeys(record.workload for record in records))
+    cells = [(value, *(row.get(workload, "") for workload in workloads)) for value, row in rows.items()]
+    return markdown_table((head, *workloads), cells, words=1)
 
 
 def _sizes(records: Records) -> str:
@@ -96,7 +96,7 @@ def _sizes(records: Records) -> str:
 
 def _batch(records: Records) -> str:
     # The plain C sweep has one image whatever their number.
-    shared = [record for record in records if record.subject != PLAIN_C]
+    shared = [record for record in records if record.workload != PLAIN_C]
     return _beside_plain_c("images", lambda record: str(record.images), shared)
 
 
@@ -105,39 +105,39 @@ def _precision(records: Records) -> str:
 
 
 def _tunings(records: Records) -> str:
-    rows = [(record.subject, _value(record), record.detail) for record in records]
+    rows = [(record.workload, _value(record), record.detail) for record in records]
     return markdown_table(("kernel", _RATES, ""), rows, words=1, remarks=True)
 
 
 def _roofline(records: Records) -> str:
     rows = [
-        (record.subject, _pixels(record), f"{record.quantity}, {record.unit}", _value(record), record.detail)
+        (record.workload, _pixels(record), f"{record.quantity}, {record.unit}", _value(record), record.detail)
         for record in records
     ]
     return markdown_table(("what", "pixels", "quantity", _SPREAD, "assumed"), rows, words=3, remarks=True)
 
 
 def _small(records: Records) -> str:
-    rows = [(record.subject, _value(record), number(record.by_device)) for record in records]
+    rows = [(record.workload, _value(record), number(record.by_device)) for record in records]
     return markdown_table(("ordering", _MILLISECONDS, "of these on the device"), rows, words=1)
 
 
 def _convergence(records: Records) -> str:
-    last = {record.subject: record for record in records if record.quantity == ELAPSED}
-    rows = [(subject, str(record.iteration), _value(record)) for subject, record in last.items()]
+    last = {record.workload: record for record in records if record.quantity == ELAPSED}
+    rows = [(workload, str(record.iteration), _value(record)) for workload, record in last.items()]
     return markdown_table(("ordering", "iterations", f"ms on the device, {_SPREAD}"), rows, words=1)
 
 
 def _solutions(records: Records) -> str:
     rows = [
-        (_pixels(record), record.subject, _value(record), "" if record.median is None else record.detail)
+        (_pixels(record), record.workload, _value(record), "" if record.median is None else record.detail)
         for record in records
     ]
     return markdown_table(("pixels", "solver", _MILLISECONDS, "how"), rows, words=2, remarks=True)
 
 
 def _compilation(records: Records) -> str:
-    rows = [(record.subject, record.quantity, _value(record)) for record in records]
+    rows = [(record.workload, record.quantity, _value(record)) for record in records]
     return markdown_table(("ordering", "quantity", f"s, {_SPREAD}"), rows, words=2)
 
 
@@ -151,16 +151,16 @@ def _accuracy(records: Records) -> str:
     orders = {}
     for record in records:
         if record.quantity == exact.ORDER:
-            orders[record.subject] = "" if record.median is None else f"{record.median:.2f}"
+            orders[record.workload] = "" if record.median is None else f"{record.median:.2f}"
         else:
-            found = by_subject.setdefault(record.subject, {})
+            found = by_subject.setdefault(record.workload, {})
             found[record.size] = f"{two_digits(record.median)} ({record.iteration})"
     sizes = sorted({size for found in by_subject.values() for size in found})
     rows = [
         (scene, scheme, *(by_subject[name].get(size, "") for size in sizes), orders.get(name, ""))
         for scheme in exact.SCHEMES
         for scene in exact.SCENES
-        if (name := exact.subject(scene, scheme)) in by_subject
+        if (name := exact.workload(scene, scheme)) in by_subject
     ]
     return markdown_table(("scene", "scheme", *(f"{size}²" for size in sizes), "order"), rows, words=2)
 
@@ -168,16 +168,16 @@ def _accuracy(records: Records) -> str:
 def _flash(records: Records) -> str:
     rows: dict[str, list[str]] = {}
     for record in records:
-        rows.setdefault(record.subject, [_pixels(record)]).append(_value(record, two_digits))
-    last = {record.subject: "" if record.iteration is None else str(record.iteration) for record in records}
+        rows.setdefault(record.workload, [_pixels(record)]).append(_value(record, two_digits))
+    last = {record.workload: "" if record.iteration is None else str(record.iteration) for record in records}
     # One that was skipped has the reason, and nothing after it.
-    cells = [(subject, *row, *[""] * (3 - len(row)), last[subject]) for subject, row in rows.items()]
+    cells = [(workload, *row, *[""] * (3 - len(row)), last[workload]) for workload, row in rows.items()]
     header = ("photograph", "pixels", f"mean error, {exact.SHARE}", "after one scale", "iterations")
     return markdown_table(header, cells, words=1)
 
 
 def _flash_materials(records: Records) -> str:
-    errors = {record.subject: record for record in records if record.quantity == exact.ERROR_SCALED}
+    errors = {record.workload: record for record in records if record.quantity == exact.ERROR_SCALED}
     names = list(exact.UNDER_FLASH)
     rows = []
     for true in names:
@@ -187,7 +187,7 @@ def _flash_materials(records: Records) -> str:
 
 
 def _parallel_materials(records: Records) -> str:
-    found = {(record.subject, record.quantity): two_digits(record.median) for record in records}
+    found = {(record.workload, record.quantity): two_digits(record.median) for record in records}
     rows = []
     for light in (f"{name}, {surface}" for name in exact.PARALLEL for surface in exact.SURFACES):
         for true in exact.UNDER_PARALLEL:
@@ -202,7 +202,7 @@ def _parallel_materials(records: Records) -> str:
 def _ambiguity(records: Records) -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for record in records:
-        rows.setdefault((record.subject, _pixels(record)), []).append(two_digits(record.median))
+        rows.setdefault((record.workload, _pixels(record)), []).append(two_digits(record.median))
     cells = [(*place, *errors) for place, errors in rows.items()]
     return markdown_table(("material", "pixels", exact.ERROR, exact.GREY_ERROR), cells, words=1)
 
@@ -210,7 +210,7 @@ def _ambiguity(records: Records) -> str:
 def _lamp(records: Records) -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for record in records:
-        scene, _, _scheme = record.subject.partition(": ")
+        scene, _, _scheme = record.workload.partition(": ")
         settled = "" if record.detail.endswith(", converged") else ", not settled"
         cell = f"{two_digits(record.median)} ({record.iteration}{settled})"
         rows.setdefault((scene, _pixels(record)), []).append(cell)
@@ -221,7 +221,7 @@ def _lamp(records: Records) -> str:
 def _weno(records: Records) -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for record in records:
-        photograph, _, _scheme = record.subject.partition(": ")
+        photograph, _, _scheme = record.workload.partition(": ")
         after = ", ".join(filter(None, (str(record.iteration), record.detail)))
         cell = record.detail if record.median is None else f"{two_digits(record.median)} ({after})"
         rows.setdefault((photograph, _pixels(record)), []).append(cell)

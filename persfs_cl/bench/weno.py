@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
-from persfs_cl.bench.peers import compiled_by_numba
+from persfs_cl.bench.baselines import compiled_by_numba
 from persfs_cl.scenes.scene import Scene
 
 _REGULAR = 1e-6

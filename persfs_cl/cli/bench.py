@@ -22,14 +22,14 @@ from persfs_cl.bench.plots import draw
 from persfs_cl.bench.report import table
 from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.bench.tables import contents, markers
-from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.options import chosen_device_and_precision
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import writing
 from persfs_cl.cli.signals import INTERRUPTED
-from persfs_cl.page import CIRCUMSTANCES, fill_page, marked, read_page
+from persfs_cl.environment import environment, summary
+from persfs_cl.page import ENVIRONMENT, fill_page, marked, read_page
 from persfs_cl.solver.options import Options
 
 _Choice = TypeVar("_Choice", bound=str)
@@ -94,7 +94,7 @@ def bench(
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="Put the tables of these experiments between the markers of this page too, and the circumstances if"
+            help="Put the tables of these experiments between the markers of this page too, and the environment if"
             " these are all its tables; may be given several times.",
         ),
     ] = None,
@@ -172,7 +172,7 @@ def bench(
     )
     plan.device.real(precision)
     check_folder(output, overwrite=True)
-    header = circumstances(plan.device, shlex.join(["persfs-cl", *sys.argv[1:]]))
+    header = environment(plan.device, shlex.join(["persfs-cl", *sys.argv[1:]]))
     # A file or pipe has no width to fit: one line a record.
     console = Console(width=None if sys.stdout.isatty() else 250, markup=False, highlight=False)
     console.print(summary(header))
@@ -195,7 +195,7 @@ def bench(
         filled = {name: content for name, content in found.items() if name in (places := marked(read_page(each)))}
         if len(filled) < len(places):
             # Other tables of the page were found elsewhere, or at another time.
-            filled.pop(CIRCUMSTANCES, None)
+            filled.pop(ENVIRONMENT, None)
         fill_page(each, filled)
         typer.echo(each)
 

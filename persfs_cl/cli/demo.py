@@ -76,10 +76,10 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
     result = solve_photo(job)
     with writing():
         write(result, folder)
-    prepared, original = result.prepared_errors, result.photo_errors
+    prepared, original = result.prepared_residual, result.photo_residual
     typer.echo(f"""\
 A Greek coin from Pompeii, a real photograph of 72 x 72 pixels: {result.solution.iterations} iterations.
-  Photographed again, the surface differs, in grey levels of 255,
+  Re-rendered, the surface differs, in grey levels of 255,
     from the prepared photograph, with its highlights clipped and smoothed, by
                               here       ME {prepared.mean:.2f}, RS {prepared.root_mean_square:.2f}
     from the photograph itself, at the same white, by

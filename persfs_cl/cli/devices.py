@@ -20,7 +20,7 @@ from persfs_cl._cl.cache import cache_folders
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.device import devices as list_devices
 from persfs_cl._cl.selection import select_device
-from persfs_cl.circumstances import circumstances
+from persfs_cl.environment import environment
 from persfs_cl.errors import DeviceError, KernelBuildError, PersfsError
 from persfs_cl.io.files import json_text
 from persfs_cl.selftest.supervisor import Report, Show, child_command, examine
@@ -195,7 +195,7 @@ def _checked(device: Device, report: Report, *, quick: bool, fresh: bool) -> dic
         "said": report.said,
         "seconds": report.seconds,
         "quick": quick,
-        "circumstances": circumstances(device, shlex.join(["persfs-cl", *sys.argv[1:]])),
+        "environment": environment(device, shlex.join(["persfs-cl", *sys.argv[1:]])),
         **report.facts,
         "kernels": [
             {"ordering": ordering, "precisions": precisions, "kernel": kernel, "reason": reason}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from persfs_cl.page import CIRCUMSTANCES, marked, read_page
+from persfs_cl.page import ENVIRONMENT, marked, read_page
 
 _OPTION = "'--page'"
 
@@ -36,11 +36,11 @@ def check_page(
     """
     if quick:
         raise typer.BadParameter("a page wants all tables in full: leave out --quick.", param_hint=_OPTION)
-    places = set(marked(read_page(page))) - {CIRCUMSTANCES}
+    places = set(marked(read_page(page))) - {ENVIRONMENT}
     if known is not None and (unknown := places.difference(known)):
         raise typer.BadParameter(
             f"{page} has a marker <!-- {min(unknown)} -->, but no such table is made: use {', '.join(known)}, or "
-            f"{CIRCUMSTANCES}.",
+            f"{ENVIRONMENT}.",
             param_hint=_OPTION,
         )
     if not (places if wanted is None else places.intersection(wanted)):

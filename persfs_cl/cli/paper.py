@@ -12,13 +12,13 @@ import typer
 from rich.console import Console
 
 from persfs_cl._cl.selection import select_device
-from persfs_cl.circumstances import circumstances, summary
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.options import chosen_device
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import writing
 from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.environment import environment, summary
 from persfs_cl.page import fill_page
 from persfs_cl.paper import fast_marching
 from persfs_cl.paper.experiments import EXPERIMENTS
@@ -60,7 +60,7 @@ def paper(
         else Plan(select_device(keywords["device"]))
     )
     check_folder(output, overwrite=True)
-    foot = summary(circumstances(plan.device, shlex.join(["persfs-cl", *sys.argv[1:]])))
+    foot = summary(environment(plan.device, shlex.join(["persfs-cl", *sys.argv[1:]])))
     typer.echo(f"{foot}\n")
     tables: list[Table] = []
     files: list[Path] = []

@@ -137,7 +137,7 @@ def reconstruct(
 def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
-    grey, photo = result.prepared_errors, result.photo_errors
+    grey, photo = result.prepared_residual, result.photo_residual
     said, camera = result.report["photo"], result.report["camera"]
     steps = {
         "clipped": said["clip_highlights"] is not None,
@@ -150,7 +150,7 @@ def _summary(result: PhotoSolution) -> str:
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
         f"Focal length {solution.camera.fx:.6g} pixels, by {camera['source']}: {camera['horizontal_view']:.3g} degrees "
         "from left to right.\n"
-        "Photographed again, the surface differs, in grey levels (0 to 255),\n"
+        "Re-rendered, the surface differs, in grey levels (0 to 255),\n"
     )
     if prepared:
         text += f"  from the prepared photo ({prepared}) by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f},\n"

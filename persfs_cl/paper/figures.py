@@ -12,7 +12,7 @@ import numpy as np
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.io.files import FilePath, atomic_path
-from persfs_cl.paper.course import Course
+from persfs_cl.paper.history import History
 from persfs_cl.paper.printed import TANKUS_VASE, YANG_HAN_VASE
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.surface.plots import matplotlib_defaults
@@ -54,13 +54,13 @@ def _figure(path: FilePath, width: float, height: float) -> Iterator[Figure]:
         picture.save(temporary, format="PNG", optimize=True)
 
 
-def courses(path: FilePath, own: Mapping[str, Course], printed: Mapping[str, Course], unit: str) -> None:
+def histories(path: FilePath, own: Mapping[str, History], printed: Mapping[str, History], unit: str) -> None:
     """ME and RS over the iterations; what the paper prints is dashed.
 
     Parameters
     ----------
     path : path
-    own, printed : mapping of str to Course
+    own, printed : mapping of str to History
         By what the legend calls them.
     unit : str
         Of the errors.
@@ -68,12 +68,12 @@ def courses(path: FilePath, own: Mapping[str, Course], printed: Mapping[str, Cou
     with _figure(path, 9.0, 4.2) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for axes, title in zip(panels, ("Mean error, ME", "Root mean square error, RS"), strict=True):
-            for number, (name, course) in enumerate(own.items()):
+            for number, (name, history) in enumerate(own.items()):
                 style = {"color": _COLOURS[number], "marker": _MARKERS[number], "markersize": 4}
-                axes.plot(course.iterations, _errors(course, title), label=name, **style)
-            for colour, (name, course) in zip(("0.25", "#D55E00"), printed.items(), strict=True):
+                axes.plot(history.iterations, _errors(history, title), label=name, **style)
+            for colour, (name, history) in zip(("0.25", "#D55E00"), printed.items(), strict=True):
                 style = {"color": colour, "linestyle": "--", "linewidth": 2.0}
-                axes.plot(course.iterations, _errors(course, title), label=f"printed: {name}", **style)
+                axes.plot(history.iterations, _errors(history, title), label=f"printed: {name}", **style)
             axes.set(yscale="log", title=title, xlabel="iterations", xticks=[1, 5, 10, 15, 20, 25, 30])
             axes.minorticks_off()
             axes.set_yticks([0.02, 0.05, 0.1, 0.2, 0.4])
@@ -136,9 +136,9 @@ def statue(
     depths: Sequence[Array],
     again: Sequence[Array],
     camera: Camera,
-    courses: tuple[tuple[Course, Course], tuple[Course, Course]],
+    histories: tuple[tuple[History, History], tuple[History, History]],
 ) -> None:
-    """Figure 3: photograph, and for both methods the surface photographed again and the surface; the courses of ME.
+    """Figure 3: photograph, and for both methods the surface re-rendered and the surface; the histories of ME.
 
     Parameters
     ----------
@@ -148,13 +148,13 @@ def statue(
     depths, again : sequence of two ndarray, shape (height, width)
         Depths found by the project's sweeps and by Tankus' method, and their images in grey levels.
     camera : Camera
-    courses : tuple
+    histories : tuple
         Of each method what was measured, and what is printed.
     """
     from matplotlib.ticker import FixedLocator
 
     names = ("the project's sweeps", "Tankus' method")
-    number = courses[0][0].iterations[-1]
+    number = histories[0][0].iterations[-1]
     # What is not solved lies where its edge does.
     heights = [camera.fx * np.nan_to_num(depth - 1.0) for depth in depths]
     # Where there is no surface yet, or none to be found, there is no limit to the heights: they are cut off.
@@ -168,11 +168,11 @@ def statue(
         panels[0].set_ylabel("row (px)")
         upper.colorbar(picture, ax=panels, shrink=0.8, label="grey levels")
         axes = lower.add_subplot(1, 3, 1)
-        for colour, name, (measured, printed) in zip((_OURS, _BASELINE), names, courses, strict=True):
+        for colour, name, (measured, printed) in zip((_OURS, _BASELINE), names, histories, strict=True):
             axes.plot(measured.iterations, measured.mean, color=colour, marker="o", markersize=4, label=name)
             axes.plot(printed.iterations, printed.mean, color=colour, linestyle="--", label="printed: another photo")
         axes.set(title="mean error of the image", yscale="log", xlabel="iterations", ylabel="ME (grey levels)")
-        axes.set_xticks(courses[0][0].iterations)
+        axes.set_xticks(histories[0][0].iterations)
         axes.set_ylim(top=800)
         axes.yaxis.set_major_locator(FixedLocator([2, 5, 10, 20, 50, 100, 200]))
         axes.yaxis.set_major_formatter("{x:g}")
@@ -187,7 +187,7 @@ def statue(
 
 
 def flash(path: FilePath, image: Array, depth: Array, again: Array, camera: Camera) -> None:
-    """Photograph, surface found from it as one by flash, and that surface photographed again.
+    """Photograph, surface found from it as one by flash, and that surface re-rendered.
 
     Parameters
     ----------
@@ -227,8 +227,8 @@ def sensitivity(path: FilePath, errors: Sequence[tuple[str, str, float, float | 
     with _figure(path, 9.0, 0.21 * len(errors) + 1.2) as figure:
         axes = figure.add_subplot()
         printed_place = TANKUS_VASE.iterations.index(iterations)
-        for colour, name, course in ((_OURS, "Yang and Han", YANG_HAN_VASE), (_BASELINE, "Tankus", TANKUS_VASE)):
-            value = course.mean[printed_place]
+        for colour, name, history in ((_OURS, "Yang and Han", YANG_HAN_VASE), (_BASELINE, "Tankus", TANKUS_VASE)):
+            value = history.mean[printed_place]
             axes.axvline(value, color=colour, linestyle="--", linewidth=1, label=f"printed: {name}, {value:g}")
         here = [error for _, _, error, _ in errors]
         tankus = [np.nan if error is None else error for *_, error in errors]
@@ -250,8 +250,8 @@ def sensitivity(path: FilePath, errors: Sequence[tuple[str, str, float, float | 
         figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
 
 
-def _errors(course: Course, title: str) -> tuple[float, ...]:
-    return course.mean if title.endswith("ME") else course.root_mean_square
+def _errors(history: History, title: str) -> tuple[float, ...]:
+    return history.mean if title.endswith("ME") else history.root_mean_square
 
 
 def _halves(figure: Figure) -> tuple[SubFigure, SubFigure]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from persfs_cl.io.files import FilePath, atomic_path
-from persfs_cl.page import CIRCUMSTANCES, between_markers, markdown_table
+from persfs_cl.page import ENVIRONMENT, between_markers, markdown_table
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class Findings:
     pictures: Mapping[str, Callable[[FilePath], None]] = field(default_factory=dict)
 
 
-def fragments(tables: Sequence[Table], circumstances: str) -> dict[str, str]:
+def fragments(tables: Sequence[Table], environment: str) -> dict[str, str]:
     """What stands between the markers of a page, by their names."""
-    return {CIRCUMSTANCES: circumstances, **{table.name: table.markdown for table in tables}}
+    return {ENVIRONMENT: environment, **{table.name: table.markdown for table in tables}}
 
 
-def write_fragments(path: FilePath, tables: Sequence[Table], circumstances: str) -> None:
+def write_fragments(path: FilePath, tables: Sequence[Table], environment: str) -> None:
     """Write all tables to one Markdown file, between the markers that a page has.
 
     Raises
@@ -79,7 +79,7 @@ def write_fragments(path: FilePath, tables: Sequence[Table], circumstances: str)
     titles = {table.name: f"## {table.title}\n\n" for table in tables}
     parts = [
         f"{titles.get(name, '')}{between_markers(name, content)}\n"
-        for name, content in fragments(tables, circumstances).items()
+        for name, content in fragments(tables, environment).items()
     ]
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(parts), encoding="utf-8")

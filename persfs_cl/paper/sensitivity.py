@@ -14,7 +14,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures
-from persfs_cl.paper.course import Course, followed, marching, sweeping, told
+from persfs_cl.paper.history import History, followed, marching, sweeping, told
 from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
@@ -64,12 +64,12 @@ class Variation:
         relief = np.ptp(truth)
         return compare(depth / relief, truth / relief, mask=mask)
 
-    def here(self, plan: Plan) -> Course:
-        """The course of the project's own sweeps."""
+    def here(self, plan: Plan) -> History:
+        """The history of the project's own sweeps."""
         if self.reading is not None:
-            return followed(iterates(self.scene, self.reading, plan.device), self.judged, ITERATIONS).course
+            return followed(iterates(self.scene, self.reading, plan.device), self.judged, ITERATIONS).history
         keywords = {"device": plan.device, **told(self.scene), **self.keywords}
-        return sweeping(self.scene.image, self.scene.camera, self.judged, ITERATIONS, **keywords).course
+        return sweeping(self.scene.image, self.scene.camera, self.judged, ITERATIONS, **keywords).history
 
     def at_rest(self, plan: Plan) -> float | None:
         """ME of the project's own sweeps once they have converged; None for a reading."""
@@ -78,11 +78,11 @@ class Variation:
         keywords = {"device": plan.device, **told(self.scene), **self.keywords}
         return self.judged(reconstruct(self.scene.image, self.scene.camera, **keywords).depth).mean
 
-    def tankus(self) -> Course | None:
+    def tankus(self) -> History | None:
         """That of Tankus' method, where the variation touches it."""
         if self.keywords or self.reading is not None:
             return None
-        return marching(self.scene.image, self.scene.camera, self.judged, ITERATIONS, **told(self.scene)).course
+        return marching(self.scene.image, self.scene.camera, self.judged, ITERATIONS, **told(self.scene)).history
 
 
 def variations(plan: Plan) -> Iterator[Variation]:
@@ -134,7 +134,7 @@ def experiment(plan: Plan) -> Findings:
         errors.append((*name, here.mean[-1], None if tankus is None else tankus.mean[-1]))
     if not plan.quick:
         scene = vase()
-        printed_sign = followed(with_minus(scene, START), partial(_range_errors, scene), ITERATIONS).course
+        printed_sign = followed(with_minus(scene, START), partial(_range_errors, scene), ITERATIONS).history
         rows.append(("literal", "the minus of (11) as printed, C = 1", *_cells(printed_sign), *_tankus_cells(None)))
     header = (
         "varied",
@@ -152,13 +152,13 @@ def experiment(plan: Plan) -> Findings:
     )
 
 
-def _cells(course: Course, at_rest: float | None = None) -> tuple[str, ...]:
-    errors = (*course.mean, course.root_mean_square[-1])
+def _cells(history: History, at_rest: float | None = None) -> tuple[str, ...]:
+    errors = (*history.mean, history.root_mean_square[-1])
     return (*(f"{error:.4f}" for error in errors), "" if at_rest is None else f"{at_rest:.4f}")
 
 
-def _tankus_cells(course: Course | None) -> tuple[str, ...]:
-    return ("", "") if course is None else (f"{course.mean[-1]:.4f}", f"{course.root_mean_square[-1]:.4f}")
+def _tankus_cells(history: History | None) -> tuple[str, ...]:
+    return ("", "") if history is None else (f"{history.mean[-1]:.4f}", f"{history.root_mean_square[-1]:.4f}")
 
 
 def _range_errors(scene: Scene, depth: Array) -> Errors:

@@ -3,7 +3,7 @@
 The paper's statue is not to be had. In its place stands a modelled skull, photographed as the statue was, by a camera's
 own flash, and at the same size in pixels: see ``data/README.md`` for its author and its licence. What the paper does is
 done: a mean filter, the grey values as the file has them stretched by (2), a frontal light, zero boundary conditions,
-here on the outline of the skull. There is no true depth; the surface is photographed again by (6), and compared with
+here on the outline of the skull. There is no true depth; the surface is re-rendered by (6), and compared with
 the filtered photograph in grey levels of 255. So is the surface that is found when the light is taken for the flash
 that it is.
 """
@@ -26,7 +26,7 @@ from persfs_cl.io.photos import Encoding, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures, printed
-from persfs_cl.paper.course import marching, sweeping
+from persfs_cl.paper.history import marching, sweeping
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_tables, time_table
@@ -94,28 +94,28 @@ def experiment(plan: Plan) -> Findings:
     image, mask = prepared(), inside()
     seen = np.where(mask, _GREY * image, np.nan)
     iterations = printed.ITERATIONS[:2] if plan.quick else printed.ITERATIONS
-    courses = {PRINTED: printed.YANG_HAN_STATUE}
+    histories = {PRINTED: printed.YANG_HAN_STATUE}
     baseline = {PRINTED_TANKUS: printed.TANKUS_STATUE}
     pictures: dict[str, Any] = {}
     at_1 = outline_at_1(mask)
     for camera, name in ((CAMERA_OF_PAPER, "figure3"), (CAMERA, "figure3-camera")):
-        judge = partial(judged, image, camera, plan.device)
-        common = (image, camera, judge, iterations)
+        measure = partial(judged, image, camera, plan.device)
+        common = (image, camera, measure, iterations)
         here = sweeping(*common, repeats=plan.repeats, device=plan.device, **at_1)
         tankus = marching(*common, repeats=plan.repeats, **at_1)
         focal_length = f"f = {camera.fx:.0f}"
-        courses[f"{HERE}, {focal_length}"] = here.course
-        baseline[f"{TANKUS}, {focal_length}"] = tankus.course
+        histories[f"{HERE}, {focal_length}"] = here.history
+        baseline[f"{TANKUS}, {focal_length}"] = tankus.history
         pictures[f"{name}.png"] = partial(
             figures.statue,
             image=seen,
             depths=(here.depth, tankus.depth),
             again=[photographed_again(depth, camera, plan.device) for depth in (here.depth, tankus.depth)],
             camera=camera,
-            courses=((here.course, printed.YANG_HAN_STATUE), (tankus.course, printed.TANKUS_STATUE)),
+            histories=((here.history, printed.YANG_HAN_STATUE), (tankus.history, printed.TANKUS_STATUE)),
         )
     upwind = sweeping(*common, repeats=plan.repeats, device=plan.device, scheme="upwind", **at_1)
-    courses[f"{HERE}, upwind, {focal_length}"] = upwind.course
+    histories[f"{HERE}, upwind, {focal_length}"] = upwind.history
     flash = sweeping(
         _prepared(mask, "srgb").light,
         CAMERA,
@@ -127,7 +127,7 @@ def experiment(plan: Plan) -> Findings:
         device=plan.device,
         scheme="upwind",
     )
-    courses[f"{HERE}, flash light, upwind, {focal_length}"] = flash.course
+    histories[f"{HERE}, flash light, upwind, {focal_length}"] = flash.history
     pictures["figure3-flash.png"] = partial(
         figures.flash,
         image=seen,
@@ -135,8 +135,8 @@ def experiment(plan: Plan) -> Findings:
         again=flash_photographed_again(flash.depth, plan.device),
         camera=CAMERA,
     )
-    courses |= baseline
-    tables = [*error_tables("table2", courses, iterations, "{:.2f}"), time_table("table2", courses, iterations)]
+    histories |= baseline
+    tables = [*error_tables("table2", histories, iterations, "{:.2f}"), time_table("table2", histories, iterations)]
     return Findings(tables if plan.quick else [*tables, _readings(plan)], pictures)
 
 
@@ -167,14 +167,14 @@ def _readings(plan: Plan) -> Table:
     }
     rows = []
     for name, (image, camera, surface, solved) in readings.items():
-        judge = partial(judged, image, camera, plan.device)
+        measure = partial(judged, image, camera, plan.device)
         settings: dict[str, Any] = {**outline_at_1(solved), "surface": surface}
         here = {"device": plan.device, **settings}
         found = [
-            sweeping(image, camera, judge, _LAST, **here).course.mean[0],
-            judge(reconstruct(image, camera, **here).depth).mean,
-            judge(reconstruct(image, camera, scheme="upwind", **here).depth).mean,
-            marching(image, camera, judge, _LAST, **settings).course.mean[0],
+            sweeping(image, camera, measure, _LAST, **here).history.mean[0],
+            measure(reconstruct(image, camera, **here).depth).mean,
+            measure(reconstruct(image, camera, scheme="upwind", **here).depth).mean,
+            marching(image, camera, measure, _LAST, **settings).history.mean[0],
         ]
         rows.append((name, *(f"{error:.2f}" for error in found)))
     header = ("change", "here, 30 iterations", "here, at rest", "upwind, at rest", "Tankus, 30 iterations")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures, printed
-from persfs_cl.paper.course import followed, marching, sweeping, told
+from persfs_cl.paper.history import followed, marching, sweeping, told
 from persfs_cl.paper.literal import Reading, iterates
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings
@@ -27,7 +27,7 @@ START = 1.0
 """C of the literal readings: ln z of a depth of 2.7, where the vase ends at 1.29."""
 
 CLOSEST = Reading(0.36, rescaled=True)
-"""The reading whose course is nearest to the printed one, of those tried, where the ends at which the image cuts the
+"""The reading whose history is nearest to the printed one, of those tried, where the ends at which the image cuts the
 vase off are unknown, so that (12) is at work there. C is a little above the farthest point of the vase, at 0.25."""
 
 _UPWIND = "here, upwind"
@@ -43,8 +43,8 @@ def judged(scene: Scene, depth: NDArray[np.float64]) -> Errors:
 def experiment(plan: Plan) -> Findings:
     """Both methods side by side, and our own with each of its corrections taken back."""
     scene = vase()
-    judge = partial(judged, scene)
-    common = (scene.image, scene.camera, judge, printed.ITERATIONS)
+    measure = partial(judged, scene)
+    common = (scene.image, scene.camera, measure, printed.ITERATIONS)
     here = sweeping(*common, repeats=plan.repeats, device=plan.device, **told(scene))
     upwind = sweeping(*common, repeats=plan.repeats, device=plan.device, scheme="upwind", **told(scene))
     tankus = marching(*common, repeats=plan.repeats, **told(scene))
@@ -54,23 +54,23 @@ def experiment(plan: Plan) -> Findings:
         _LITERAL: Reading(START, one_viscosity=True, rescaled=True),
     }
     literal = {
-        name: followed(iterates(scene, reading, plan.device), judge, printed.ITERATIONS).course
+        name: followed(iterates(scene, reading, plan.device), measure, printed.ITERATIONS).history
         for name, reading in readings.items()
     }
     open_ends = iterates(vase(known="background"), CLOSEST, plan.device)
-    courses = {
+    histories = {
         PRINTED: printed.YANG_HAN_VASE,
-        HERE: here.course,
-        _UPWIND: upwind.course,
+        HERE: here.history,
+        _UPWIND: upwind.history,
         **literal,
-        _CLOSEST: followed(open_ends, judge, printed.ITERATIONS).course,
+        _CLOSEST: followed(open_ends, measure, printed.ITERATIONS).history,
         PRINTED_TANKUS: printed.TANKUS_VASE,
-        TANKUS: tankus.course,
+        TANKUS: tankus.history,
     }
-    compared = {name: courses[name] for name in (HERE, _UPWIND, _LITERAL, _CLOSEST, TANKUS)}
+    compared = {name: histories[name] for name in (HERE, _UPWIND, _LITERAL, _CLOSEST, TANKUS)}
     iterations = printed.ITERATIONS
     draw_courses = partial(
-        figures.courses,
+        figures.histories,
         own=compared,
         printed={"Yang and Han": printed.YANG_HAN_VASE, "Tankus": printed.TANKUS_VASE},
         unit="height scaled to [0, 1]",
@@ -79,6 +79,6 @@ def experiment(plan: Plan) -> Findings:
         figures.vase_shapes, scene=scene, here=here.depth, tankus=tankus.depth, iterations=iterations[-1]
     )
     return Findings(
-        [*error_tables("table1", courses, iterations, "{:.4f}"), time_table("table1", courses, iterations)],
+        [*error_tables("table1", histories, iterations, "{:.4f}"), time_table("table1", histories, iterations)],
         {"table1.png": draw_courses, "figure2.png": draw_shapes},
     )

@@ -43,15 +43,15 @@ class PhotoSolution:
     report: Mapping[str, Any]
 
     @cached_property
-    def prepared_errors(self) -> Errors:
+    def prepared_residual(self) -> Errors:
         """Difference between the re-rendered image and the one that was solved, in grey levels, 0 to 255."""
-        return self.solution.grey_errors()
+        return self.solution.residual()
 
     @cached_property
-    def photo_errors(self) -> Errors:
+    def photo_residual(self) -> Errors:
         """Difference between the re-rendered image and the photo itself, in grey levels, 0 to 255."""
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
-        return self.solution.grey_errors(np.minimum(self.unfiltered, self.solution.white))
+        return self.solution.residual(np.minimum(self.unfiltered, self.solution.white))
 
 
 def write(solved: PhotoSolution, folder: Path, *, pictures: bool = True) -> list[Path]:
@@ -74,7 +74,7 @@ def write(solved: PhotoSolution, folder: Path, *, pictures: bool = True) -> list
     InputError
         When a file cannot be written.
     """
-    grey = solved.photo_errors
+    grey = solved.photo_residual
     untouched = {"ambient": 0.0, "vignetting": "none"}.items() <= solved.report["photo"].items()
     itself = "the photo itself" if untouched else "the photo itself, less ambient light and vignetting"
     levels = {
@@ -83,14 +83,14 @@ def write(solved: PhotoSolution, folder: Path, *, pictures: bool = True) -> list
         "root_mean_square": grey.root_mean_square,
     }
     report = {**solved.report, "grey_levels_photo": levels}
-    doubts = {
+    unreliable = {
         "darker than the ambient light": solved.prepared.below_ambient,
         "highlight, left out": solved.prepared.masked,
         "highlight, filled": solved.prepared.filled,
         "saturated": solved.prepared.saturated,
         "clipped": solved.prepared.clipped,
     }
-    keywords: dict[str, Any] = {"colour": solved.photo.colour, "report": report, "doubts": doubts}
+    keywords: dict[str, Any] = {"colour": solved.photo.colour, "report": report, "unreliable": unreliable}
     if pictures:
         return solved.solution.save(folder, **keywords, folder=True)
     with filling(folder) as temporary:

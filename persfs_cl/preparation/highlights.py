@@ -101,7 +101,7 @@ def dilate(pixels: ArrayLike, radius: int) -> Mask:
 
 
 def fill_smoothly(image: ArrayLike, holes: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
-    """Fill holes from their surroundings, as a membrane would: every pixel is the mean of its four neighbours.
+    """Fill holes by harmonic inpainting: every pixel becomes the mean of its four neighbours.
 
     This is Laplace's equation. It continues linear shading exactly, and never makes a pixel brighter or darker than
     the surroundings of its hole. A neighbour outside the mask or the image is left out of the mean.

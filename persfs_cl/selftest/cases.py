@@ -136,7 +136,7 @@ def _others() -> Iterator[Case]:
         for ordering in ORDERINGS:
             yield Case("second order", precision, ordering, scheme="upwind")
         yield Case("second order", precision, "wavefront", "flash", scheme="upwind")
-    # Of materials the orderings that people use: the third is the judge of the first where kernels differ in more.
+    # Of materials the orderings that people use: the third is the reference of the first where kernels differ in more.
     for material in ("Oren-Nayar", "Phong"):
         for precision in PRECISIONS:
             for ordering in ORDERINGS[1:]:

@@ -14,8 +14,8 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.probes import copier, device_seconds
 from persfs_cl._cl.selftest import explain
 from persfs_cl._cl.sweeper import Sweeper
-from persfs_cl.bench.subjects import iterations, smooth_problem
-from persfs_cl.bench.subjects import sweeper as sweeper_that_never_rests
+from persfs_cl.bench.workloads import iterations, smooth_problem
+from persfs_cl.bench.workloads import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.selftest.cases import Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
@@ -204,8 +204,8 @@ class Checks:
         self._describe(sweeper, outcome)
         outcome.compile_seconds = seconds
         self._first_runs(sweeper, outcome)
-        subject = iterations(case.ordering, sweeper, problem)
-        outcome.rate, outcome.unit = 1e-6 * subject.cells / _seconds_each(subject.work, subject.step), "Mc/s"
+        workload = iterations(case.ordering, sweeper, problem)
+        outcome.rate, outcome.unit = 1e-6 * workload.cells / _seconds_each(workload.work, workload.step), "Mc/s"
 
     def _copy(self, _case: Case, outcome: Outcome) -> None:
         """Bytes read and written a second by a copy within the device's memory."""
@@ -289,16 +289,16 @@ class Checks:
         coloured = case.ordering == "checkerboard"
         key = replace(case, ordering="checkerboard" if coloured else "wavefront", precision="float64")
         if (key, count) not in self._references:
-            judge = _judge(case)
+            reference = _judge(case)
             for _ in range(count):
                 if not coloured:
-                    judge.iterate()
+                    reference.iterate()
                     continue
                 for _ in range(4):
-                    judge.sweep_colour(0)
-                    judge.sweep_colour(1)
-                    judge.renew_boundary()
-            self._references[key, count] = judge.log_depth
+                    reference.sweep_colour(0)
+                    reference.sweep_colour(1)
+                    reference.renew_boundary()
+            self._references[key, count] = reference.log_depth
         found: NDArray[np.float64] = self._references[key, count]
         return found
 
@@ -306,13 +306,13 @@ class Checks:
         """Values of the reference that no longer change, whatever the order of the cells."""
         key = replace(case, ordering="", precision="float64")
         if key not in self._references:
-            judge = _judge(case)
-            before = np.full(judge.log_depth.shape, np.inf)
-            while (before - judge.log_depth).max() > _ENDS["float64"]:
-                before = judge.log_depth.copy()
-                judge.sweep_colour(0)
-                judge.sweep_colour(1)
-            self._references[key] = judge.log_depth
+            reference = _judge(case)
+            before = np.full(reference.log_depth.shape, np.inf)
+            while (before - reference.log_depth).max() > _ENDS["float64"]:
+                before = reference.log_depth.copy()
+                reference.sweep_colour(0)
+                reference.sweep_colour(1)
+            self._references[key] = reference.log_depth
         found: NDArray[np.float64] = self._references[key]
         return found
 
@@ -332,14 +332,14 @@ def _judge(case: Case) -> Reference:
 
 def _unsettled(problem: Problem, values: NDArray[np.floating]) -> float:
     """How far values are from the lowest that the upwind scheme finds for them from their neighbours."""
-    judge = Reference.of(problem)
-    start, judge.log_depth = judge.log_depth, values.astype(np.float64)
+    reference = Reference.of(problem)
+    start, reference.log_depth = reference.log_depth, values.astype(np.float64)
     rows, columns = np.nonzero(problem.domain.solved)
     sides = [(leftwards, upwards) for upwards in (0, 1) for leftwards in (0, 1)]
-    found = [judge.upwind(rows, columns, *side, both_edges=True) for side in sides]
+    found = [reference.upwind(rows, columns, *side, both_edges=True) for side in sides]
     least = np.fmin.reduce([*found, start[rows, columns]])
-    known = _apart(judge.log_depth[problem.domain.known], start[problem.domain.known])
-    return max(known, _apart(judge.log_depth[rows, columns], least))
+    known = _apart(reference.log_depth[problem.domain.known], start[problem.domain.known])
+    return max(known, _apart(reference.log_depth[rows, columns], least))
 
 
 def _apart(values: NDArray[np.floating], expected: NDArray[np.float64]) -> float:

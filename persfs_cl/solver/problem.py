@@ -28,7 +28,7 @@ from persfs_cl.solver.options import Options
 from persfs_cl.solver.schemes import scheme_for
 from persfs_cl.solver.schemes.scheme import MAX_SLOPE, Scheme
 from persfs_cl.surface.discontinuities import fill_walls
-from persfs_cl.surface.geometry import Cuts
+from persfs_cl.surface.geometry import Discontinuities
 from persfs_cl.wording import keyword
 
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
@@ -154,17 +154,17 @@ class Problem:
             np.copyto(depth[rows], self.known_depth[rows], where=known[rows])
         return log_depth, depth
 
-    def continue_onto_walls(self, log_depth: NDArray[np.float64], depth: NDArray[np.float64]) -> Cuts | None:
+    def continue_onto_walls(self, log_depth: NDArray[np.float64], depth: NDArray[np.float64]) -> Discontinuities | None:
         """Give walls a log depth and a depth, in place, and say where they cut the surface; None without walls."""
         if self.walls is None:
             return None
         known = self.known_depth[self.walls]
-        cuts = fill_walls(log_depth, self.walls, self.image, np.log(known))
+        discontinuities = fill_walls(log_depth, self.walls, self.image, np.log(known))
         filled = log_depth[self.walls]
         filled[~((filled >= _NEAREST_LOG) & (filled <= _FARTHEST_LOG))] = np.nan
         log_depth[self.walls] = filled
         depth[self.walls] = np.where(np.isfinite(known), known, np.exp(filled))
-        return cuts
+        return discontinuities
 
     @property
     def degenerate(self) -> NDArray[np.bool_]:

@@ -61,7 +61,7 @@ def reconstruct(
         True where the surface is to be solved; everywhere when not given.
     walls : array_like of bool, shape (height, width), optional
         True where the surface may jump: nothing propagates across these pixels. After the solve each gets its depth
-        from the side that it belongs to, see :attr:`Solution.cuts`.
+        from the side that it belongs to, see :attr:`Solution.discontinuities`.
     known_depth : array_like of float, shape (height, width), optional
         Depths that are kept exactly, from 1e-30 to 1e30 and at most a factor of 1e9 apart; NaN where unknown; inside
         the mask or beside it. When not given, with a parallel light the edge of the image or mask has z = 1 (the

@@ -1,4 +1,4 @@
-"""The method in plain NumPy, float64: the independent judge of every kernel.
+"""The method in plain NumPy, float64: the independent reference of every kernel.
 
 Nothing here imports the OpenCL side or the solver. Sweeps go along anti-diagonals, whose cells do not read each other:
 the same values as the paper's double loop, at NumPy's speed. What the upwind kernels have in closed form is found here

@@ -65,7 +65,9 @@ def solve(device: Device, problems: Sequence[Problem], options: Options, watch: 
         _warn_if_too_near(problem, depth)
         if status is Status.CONVERGED:
             _warn_if_lost(problem, depth)
-    cuts = [problem.continue_onto_walls(*surface) for problem, surface in zip(problems, surfaces, strict=True)]
+    discontinuities = [
+        problem.continue_onto_walls(*surface) for problem, surface in zip(problems, surfaces, strict=True)
+    ]
     clamped = [problem.degenerate for problem in problems]
     share = 1.0 / len(problems)
     elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
@@ -95,7 +97,7 @@ def solve(device: Device, problems: Sequence[Problem], options: Options, watch: 
                 },
                 albedo=problem.albedo,
                 walls=problem.walls,
-                cuts=cuts[place],
+                discontinuities=discontinuities[place],
             )
         )
     return solutions

@@ -31,7 +31,7 @@ class Confidence:
     ----------
     slope_error : ndarray of float64, shape (height, width)
         By how much the slope is wrong where the brightness is 1 % wrong; see :func:`slope_error`. NaN where not solved.
-    doubts : mapping of str to ndarray of bool, shape (height, width)
+    unreliable : mapping of str to ndarray of bool, shape (height, width)
         Pixels whose brightness does not tell of the slope, by the reason.
 
     Examples
@@ -39,12 +39,12 @@ class Confidence:
     >>> import persfs_cl as ps
     >>> scene = ps.bump((20, 20), light=ps.FlashLight())
     >>> confidence = ps.reconstruct(scene.image, scene.camera, light=scene.light).confidence()
-    >>> confidence.slope_error.shape, sorted(confidence.doubts)
+    >>> confidence.slope_error.shape, sorted(confidence.unreliable)
     ((20, 20), ['clamped', 'unreached'])
     """
 
     slope_error: Array
-    doubts: Mapping[str, Mask]
+    unreliable: Mapping[str, Mask]
 
     def __repr__(self) -> str:
         height, width = self.slope_error.shape
@@ -55,7 +55,7 @@ class Confidence:
     @property
     def _doubtful(self) -> Mask:
         """Pixels that are in doubt for any reason."""
-        return np.asarray(np.logical_or.reduce([np.zeros(self.slope_error.shape, bool), *self.doubts.values()]))
+        return np.asarray(np.logical_or.reduce([np.zeros(self.slope_error.shape, bool), *self.unreliable.values()]))
 
     def report(self) -> dict[str, Any]:
         """Medians and counts, ready for JSON.
@@ -76,7 +76,7 @@ class Confidence:
                 "percentile_90": float(high),
             },
             "doubtful_pixels": {
-                **{reason: int(np.count_nonzero(pixels)) for reason, pixels in self.doubts.items()},
+                **{reason: int(np.count_nonzero(pixels)) for reason, pixels in self.unreliable.items()},
                 "any": int(np.count_nonzero(self._doubtful)),
             },
         }

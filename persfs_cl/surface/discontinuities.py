@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.preparation.highlights import dilate
-from persfs_cl.surface.geometry import Cuts
+from persfs_cl.surface.geometry import Discontinuities
 
 Indices = NDArray[np.intp]
 Rows = NDArray[np.uint32]
@@ -136,7 +136,7 @@ class _Ways:
         return sides
 
 
-def fill_walls(log_depth: Array, walls: Mask, image: Array, known: Array) -> Cuts:
+def fill_walls(log_depth: Array, walls: Mask, image: Array, known: Array) -> Discontinuities:
     """Continue the depth onto walls, in place, and tell where the surface is interrupted there.
 
     From each side log depth and log brightness go on linearly along rows, columns and diagonals, whichever way across
@@ -159,7 +159,7 @@ def fill_walls(log_depth: Array, walls: Mask, image: Array, known: Array) -> Cut
 
     Returns
     -------
-    cuts : Cuts
+    discontinuities : Discontinuities
         Between a pixel on a wall and each neighbour that is on another side.
     """
     padded = np.pad(np.isfinite(log_depth), _MARGIN)
@@ -280,8 +280,8 @@ def _holds(windows: Rows, rows: Indices, columns: Indices) -> Mask:
     return (windows[np.arange(len(windows)), rows] >> columns.astype(np.uint32) & 1).astype(bool)
 
 
-def _cuts(padded: Mask, ways: _Ways, chosen: Indices, links: Indices) -> Cuts:
-    """Cuts between pixels of walls and their direct neighbours, from what is joined to the ends of the chosen ways."""
+def _cuts(padded: Mask, ways: _Ways, chosen: Indices, links: Indices) -> Discontinuities:
+    """Where pixels of walls are cut from their neighbours, from what is joined to the ends of the chosen ways."""
     pixels = np.arange(chosen.size)
     end_rows, end_columns = ways.end_rows[chosen, pixels], ways.end_columns[chosen, pixels]
     joined = np.zeros((4, chosen.size), dtype=bool)
@@ -296,11 +296,13 @@ def _cuts(padded: Mask, ways: _Ways, chosen: Indices, links: Indices) -> Cuts:
             inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) <= 2 * radius)
             joined[way, some[inside]] = _holds(region[inside], row[inside], column[inside])
     joined |= (links[:4] >= 0) & joined[[[1], [0], [3], [2]], links[:4]]
-    cuts = Cuts.none((padded.shape[0] - 2 * _MARGIN, padded.shape[1] - 2 * _MARGIN))
-    for way, cut in enumerate((cuts.right, cuts.right, cuts.down, cuts.down)):
+    discontinuities = Discontinuities.none((padded.shape[0] - 2 * _MARGIN, padded.shape[1] - 2 * _MARGIN))
+    for way, cut in enumerate(
+        (discontinuities.right, discontinuities.right, discontinuities.down, discontinuities.down)
+    ):
         # Each is marked at the left or upper one of two neighbours.
         rows, columns = np.stack([ways.rows, ways.columns]) + np.minimum(_DIRECTIONS[way], 0)[:, None]
         inside = (np.minimum(rows, columns) >= 0) & (rows < cut.shape[0]) & (columns < cut.shape[1])
         marked = inside & ~joined[way]
         cut[rows[marked], columns[marked]] = True
-    return cuts
+    return discontinuities

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Cuts:
+class Discontinuities:
     """Where a surface is interrupted between neighbouring pixels, as by a jump of the depth.
 
     Attributes
@@ -43,7 +43,7 @@ class Cuts:
     >>> walls = np.zeros(scene.image.shape, bool)
     >>> walls[10, 5:15] = True
     >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light, walls=walls)
-    >>> solution.cuts.right.shape, solution.cuts.down.shape
+    >>> solution.discontinuities.right.shape, solution.discontinuities.down.shape
     ((20, 19), (19, 20))
     """
 
@@ -53,35 +53,35 @@ class Cuts:
     def __repr__(self) -> str:
         height, width = len(self.right), self.down.shape[-1]
         right, down = np.count_nonzero(self.right), np.count_nonzero(self.down)
-        return f"<Cuts, {width} x {height} pixels, {right} to the right, {down} below>"
+        return f"<Discontinuities, {width} x {height} pixels, {right} to the right, {down} below>"
 
     @classmethod
-    def none(cls, shape: tuple[int, ...]) -> Cuts:
+    def none(cls, shape: tuple[int, ...]) -> Discontinuities:
         """No cut yet in an image of a shape (height, width).
 
         Examples
         --------
-        >>> from persfs_cl.surface.geometry import Cuts
-        >>> Cuts.none((20, 30))
-        <Cuts, 30 x 20 pixels, 0 to the right, 0 below>
+        >>> from persfs_cl.surface.geometry import Discontinuities
+        >>> Discontinuities.none((20, 30))
+        <Discontinuities, 30 x 20 pixels, 0 to the right, 0 below>
         """
         height, width = shape
         return cls(np.zeros((height, width - 1), dtype=bool), np.zeros((height - 1, width), dtype=bool))
 
     def check(self, shape: tuple[int, ...]) -> None:
-        """Raise InputError when these are not cuts of an image of a shape (height, width).
+        """Raise InputError when these are none of an image of a shape (height, width).
 
         Examples
         --------
-        >>> from persfs_cl.surface.geometry import Cuts
-        >>> Cuts.none((20, 30)).check((20, 30))
+        >>> from persfs_cl.surface.geometry import Discontinuities
+        >>> Discontinuities.none((20, 30)).check((20, 30))
         """
         height, width = shape
         for name, cut, size in (("right", self.right, (height, width - 1)), ("down", self.down, (height - 1, width))):
             if cut.dtype != bool or cut.shape != size:
                 raise InputError(
-                    f"cuts.{name} is {cut.dtype} of shape {cut.shape}: give bool of shape {size}, for a depth of shape "
-                    f"{(height, width)}."
+                    f"discontinuities.{name} is {cut.dtype} of shape {cut.shape}: give bool of shape {size}, for a "
+                    f"depth of shape {(height, width)}."
                 )
 
 
@@ -133,7 +133,9 @@ def points(depth: ArrayLike, camera: Camera) -> Array:
     return found
 
 
-def log_depth_gradient(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> tuple[Array, Array]:
+def log_depth_gradient(
+    depth: ArrayLike, camera: Camera, discontinuities: Discontinuities | None = None
+) -> tuple[Array, Array]:
     """Slopes p = dZ/dx and q = dZ/dy of the log depth Z = ln z in normalised image coordinates.
 
     Central differences; one-sided where one neighbour is NaN, outside the image or beyond a cut; 0 along an axis on
@@ -144,7 +146,7 @@ def log_depth_gradient(depth: ArrayLike, camera: Camera, cuts: Cuts | None = Non
     depth : array_like, shape (height, width)
         Depth along the optical axis, > 0; NaN where there is no surface.
     camera : Camera
-    cuts : Cuts, optional
+    discontinuities : Discontinuities, optional
         Where the surface is interrupted; nowhere but at NaN when not given.
 
     Returns
@@ -155,11 +157,11 @@ def log_depth_gradient(depth: ArrayLike, camera: Camera, cuts: Cuts | None = Non
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map, see `depth_array`, or the cuts have another shape.
+        When ``depth`` is not a depth map, see `depth_array`, or the discontinuities have another shape.
     """
     z = depth_array(depth)
     p, q = np.empty_like(z), np.empty_like(z)
-    for rows, *slopes in _slopes(z, _grid(z, camera), cuts):
+    for rows, *slopes in _slopes(z, _grid(z, camera), discontinuities):
         p[rows], q[rows] = slopes
     return p, q
 
@@ -169,15 +171,19 @@ def _grid(z: Array, camera: Camera) -> PixelGrid:
     return camera.grid((height, width))
 
 
-def _slopes(z: Array, grid: PixelGrid, cuts: Cuts | None) -> Iterator[tuple[slice, Array, Array]]:
+def _slopes(z: Array, grid: PixelGrid, discontinuities: Discontinuities | None) -> Iterator[tuple[slice, Array, Array]]:
     """Some rows at a time, and the slopes along x and y there."""
-    if cuts is not None:
-        cuts.check(z.shape)
+    if discontinuities is not None:
+        discontinuities.check(z.shape)
     for rows in row_blocks(z.shape):
         near = slice(max(rows.start - 1, 0), min(rows.stop + 1, len(z)))
         within = slice(rows.start - near.start, rows.stop - near.start)
         log_depth = np.log(z[near])
-        right, down = (None, None) if cuts is None else (cuts.right[rows], cuts.down[near.start : near.stop - 1].T)
+        right, down = (
+            (None, None)
+            if discontinuities is None
+            else (discontinuities.right[rows], discontinuities.down[near.start : near.stop - 1].T)
+        )
         yield rows, _slope(log_depth[within], grid.dx, right), _slope(log_depth.T, grid.dy, down).T[within]
 
 
@@ -192,7 +198,7 @@ def _slope(values: Array, spacing: float, cut: NDArray[np.bool_] | None) -> Arra
     return np.where(np.isnan(values), np.nan, slope)
 
 
-def normals(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> Array:
+def normals(depth: ArrayLike, camera: Camera, discontinuities: Discontinuities | None = None) -> Array:
     """Unit normal of every pixel, pointing to the camera: (p, q, -w) / S, with w = 1 + x p + y q, eq. (3).
 
     Parameters
@@ -200,7 +206,7 @@ def normals(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> Array
     depth : array_like, shape (height, width)
         Depth along the optical axis, > 0; NaN where there is no surface.
     camera : Camera
-    cuts : Cuts, optional
+    discontinuities : Discontinuities, optional
         As in `log_depth_gradient`.
 
     Returns
@@ -212,12 +218,12 @@ def normals(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> Array
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map, see `depth_array`, or the cuts have another shape.
+        When ``depth`` is not a depth map, see `depth_array`, or the discontinuities have another shape.
     """
     z = depth_array(depth)
     grid = _grid(z, camera)
     towards_camera = np.empty((*z.shape, 3))
-    for rows, p, q in _slopes(z, grid, cuts):
+    for rows, p, q in _slopes(z, grid, discontinuities):
         w = 1.0 + grid.x * p + grid.y[rows] * q
         length = np.sqrt(p**2 + q**2 + w**2)
         for component, value in enumerate((p, q, -w)):
@@ -226,7 +232,7 @@ def normals(depth: ArrayLike, camera: Camera, cuts: Cuts | None = None) -> Array
 
 
 def mesh(
-    depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None, cuts: Cuts | None = None
+    depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None, discontinuities: Discontinuities | None = None
 ) -> trimesh.Trimesh:
     """Triangle mesh through the surface points of the finite pixels.
 
@@ -240,7 +246,7 @@ def mesh(
     camera : Camera
     colour : array_like of uint8, shape (height, width, 3) or (height, width), optional
         RGB or grey colour of every pixel.
-    cuts : Cuts, optional
+    discontinuities : Discontinuities, optional
         Where the surface is interrupted: no triangle has an edge across, neither along a row or column nor along a
         diagonal, whose ends must be joined by way of the triangle's third corner.
 
@@ -254,7 +260,7 @@ def mesh(
     ------
     InputError
         When ``depth`` is not a depth map (see `depth_array`) or holds no finite pixel, or when
-        ``colour`` is not a uint8 image of the same size, or the cuts are not for that size.
+        ``colour`` is not a uint8 image of the same size, or the discontinuities are not for that size.
     """
     import trimesh
 
@@ -269,16 +275,16 @@ def mesh(
         np.multiply(vertices[:, 2], np.broadcast_to(direction, z.shape)[finite], out=vertices[:, axis])
     return trimesh.Trimesh(
         vertices=vertices,
-        faces=_faces(finite, cuts),
+        faces=_faces(finite, discontinuities),
         vertex_colors=None if colour is None else _rgb(colour, finite.shape)[finite],
         process=False,
     )
 
 
-def _faces(finite: NDArray[np.bool_], cuts: Cuts | None) -> NDArray[np.int64]:
+def _faces(finite: NDArray[np.bool_], discontinuities: Discontinuities | None) -> NDArray[np.int64]:
     """Triangles of every 2x2 square with three joined pixels, as indices of the finite pixels."""
-    if cuts is not None:
-        cuts.check(finite.shape)
+    if discontinuities is not None:
+        discontinuities.check(finite.shape)
     triangles = []
     before = 0
     for rows in row_blocks(finite.shape):
@@ -288,9 +294,9 @@ def _faces(finite: NDArray[np.bool_], cuts: Cuts | None) -> NDArray[np.int64]:
         vertex = (np.cumsum(present, dtype=np.int32) + np.int32(before - 1)).reshape(present.shape)
         before += int(np.count_nonzero(finite[rows]))
         along_rows, along_columns = present[:, :-1] & present[:, 1:], present[:-1] & present[1:]
-        if cuts is not None:
-            along_rows &= ~cuts.right[near]
-            along_columns &= ~cuts.down[rows]
+        if discontinuities is not None:
+            along_rows &= ~discontinuities.right[near]
+            along_columns &= ~discontinuities.down[rows]
         triangles.append(_triangles(vertex, along_rows, along_columns))
     return np.concatenate(triangles, dtype=np.int64)
 

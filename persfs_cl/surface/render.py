@@ -20,7 +20,7 @@ from persfs_cl.shading.material import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.surface.geometry import Cuts, depth_array, log_depth_gradient
+from persfs_cl.surface.geometry import Discontinuities, depth_array, log_depth_gradient
 
 
 def render(
@@ -31,7 +31,7 @@ def render(
     reflectance: Reflectance = Lambertian(),
     mask: ArrayLike | None = None,
     albedo: ArrayLike | None = None,
-    cuts: Cuts | None = None,
+    discontinuities: Discontinuities | None = None,
     device: int | str | Device | None = None,
     precision: Precision = "float32",
 ) -> NDArray[np.float64]:
@@ -49,8 +49,9 @@ def render(
         Pixels to render; derivatives do not look across its edge.
     albedo : array_like of float, shape (height, width), optional
         Share of light in (0, 1] that the surface returns, by which the image is multiplied; 1 when not given.
-    cuts : Cuts, optional
-        Where the surface is interrupted between pixels, as :attr:`Solution.cuts`; derivatives do not look across.
+    discontinuities : Discontinuities, optional
+        Where the surface is interrupted between pixels, as :attr:`Solution.discontinuities`; derivatives do not look
+        across.
     device : optional
         As for :func:`reconstruct`.
     precision : {"float32", "float64"}
@@ -64,8 +65,8 @@ def render(
     Raises
     ------
     InputError
-        When the depth is not a 2-D array of values from 1e-30 to 1e30, or the mask, the albedo or the cuts do not fit
-        it, or the lamp lies on it.
+        When the depth is not a 2-D array of values from 1e-30 to 1e30, or the mask, the albedo or the discontinuities
+        do not fit it, or the lamp lies on it.
     DeviceError
         When the device does not exist or lacks the precision.
 
@@ -96,16 +97,20 @@ def render(
     if not present.any():
         raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
     reflecting = None if albedo is None else as_albedo("albedo", albedo, present)
-    if cuts is not None:
-        if not isinstance(cuts, Cuts):
-            raise InputError.about("cuts", cuts, "is none: give Solution.cuts, or persfs_cl.surface.geometry.Cuts.")
-        cuts.check(values.shape)
+    if discontinuities is not None:
+        if not isinstance(discontinuities, Discontinuities):
+            raise InputError.about(
+                "discontinuities",
+                discontinuities,
+                "is none: give Solution.discontinuities, or persfs_cl.surface.geometry.Discontinuities.",
+            )
+        discontinuities.check(values.shape)
     shape = values.shape[0], values.shape[1]
     grid = camera.grid(shape)
     camera.warn_if_off_image(shape)
     if light.off_axis:
         # Not a kernel: done once an image, in double precision, by the formula that reconstruct() itself uses.
-        p, q = log_depth_gradient(values, camera, cuts)
+        p, q = log_depth_gradient(values, camera, discontinuities)
         with np.errstate(divide="ignore", invalid="ignore"):
             lit = light.of_unit_gain.brightness(np.log(values), p, q, grid.x, grid.y, reflectance)
         if within := int(np.count_nonzero(~np.isfinite(lit) & present)):
@@ -118,11 +123,11 @@ def render(
     level = float(np.median(log_depth[present]))
     log_depth -= level
     flags = missing_neighbours(present) | present * np.uint8(SWEPT)
-    if cuts is not None:
-        flags[:, :-1][cuts.right] |= NO_RIGHT
-        flags[:, 1:][cuts.right] |= NO_LEFT
-        flags[:-1][cuts.down] |= NO_DOWN
-        flags[1:][cuts.down] |= NO_UP
+    if discontinuities is not None:
+        flags[:, :-1][discontinuities.right] |= NO_RIGHT
+        flags[:, 1:][discontinuities.right] |= NO_LEFT
+        flags[:-1][discontinuities.down] |= NO_DOWN
+        flags[1:][discontinuities.down] |= NO_UP
     image = rendering.render(
         select_device(device),
         model.kernels,

@@ -20,7 +20,7 @@ from persfs_cl.io.files import FilePath, as_path, filling
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.confidence import Confidence
 from persfs_cl.surface.export import draw_all, write_json, write_mesh
-from persfs_cl.surface.solved import Doubts, SolvedSurface
+from persfs_cl.surface.solved import SolvedSurface, Unreliable
 
 
 class Status(enum.Enum):
@@ -81,7 +81,7 @@ class Solution(SolvedSurface):
         open; arrays of shape (height, width), see :class:`SolvedSurface <persfs_cl.surface.solved.SolvedSurface>`.
     image, camera, light, reflectance, albedo, device
         What it was found from, and where.
-    walls, cuts
+    walls, discontinuities
         Where the surface may jump, and where it is interrupted; None where no walls were given.
     iterations : int
         Iterations done, of four sweeps each.
@@ -116,12 +116,12 @@ class Solution(SolvedSurface):
         depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if solved else ""
         return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
 
-    def report(self, doubts: Doubts | None = None) -> dict[str, Any]:
+    def report(self, unreliable: Unreliable | None = None) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON.
 
         Parameters
         ----------
-        doubts : mapping, optional
+        unreliable : mapping, optional
             As for :meth:`confidence`.
 
         Examples
@@ -133,10 +133,10 @@ class Solution(SolvedSurface):
         >>> report["status"], report["pixels"]["solved"], report["parameters"]["scheme"]
         ('CONVERGED', 400, 'upwind')
         """
-        return self._report(self.render(), self.confidence(doubts))
+        return self._report(self.render(), self.confidence(unreliable))
 
     def _report(self, rendered: Array, confidence: Confidence) -> dict[str, Any]:
-        grey = self._grey_errors(rendered, self.image)
+        grey = self._residual(rendered, self.image)
         height, width = self.depth.shape
         return {
             "status": self.status.name,
@@ -188,7 +188,7 @@ class Solution(SolvedSurface):
         *,
         colour: NDArray[np.uint8] | None = None,
         report: Mapping[str, Any] | None = None,
-        doubts: Doubts | None = None,
+        unreliable: Unreliable | None = None,
         folder: bool = False,
     ) -> list[Path]:
         """Write the surface to one file, or everything to a folder.
@@ -205,7 +205,7 @@ class Solution(SolvedSurface):
             Vertex colours of the mesh, as for :meth:`mesh`.
         report : mapping, optional
             Further entries for the report.
-        doubts : mapping, optional
+        unreliable : mapping, optional
             As for :meth:`confidence`, for the picture of it and the report.
         folder : bool
             True makes a folder of `path` whatever its suffix.
@@ -233,19 +233,19 @@ class Solution(SolvedSurface):
         """
         target = as_path(path)
         if target.suffix and not folder and not target.is_dir():
-            self._write(target, colour, report, doubts)
+            self._write(target, colour, report, unreliable)
             return [target]
         names = ("depth.npy", "depth.tiff", "mesh.ply", "report.json")
         with filling(target) as temporary:
             for name in names[:2]:
-                self._write(temporary / name, colour, report, doubts)
+                self._write(temporary / name, colour, report, unreliable)
             # Once for the report and all pictures: in a large photograph these take more memory than all the rest.
             normals, rendered = self.normals(), self.render()
-            confidence = self._confidence(normals, doubts)
+            confidence = self._confidence(normals, unreliable)
             write_json(temporary / "report.json", self._report(rendered, confidence), report)
             drawn = self._draw(temporary, normals, rendered, confidence)
             del normals, rendered, confidence
-            self._write(temporary / "mesh.ply", colour, report, doubts)
+            self._write(temporary / "mesh.ply", colour, report, unreliable)
         return [target / name for name in (*names, *drawn)]
 
     @property
@@ -257,7 +257,7 @@ class Solution(SolvedSurface):
         target: Path,
         colour: NDArray[np.uint8] | None,
         report: Mapping[str, Any] | None,
-        doubts: Doubts | None,
+        unreliable: Unreliable | None,
     ) -> None:
         suffix = target.suffix.lower()
         if suffix in (".npy", ".tif", ".tiff"):
@@ -267,7 +267,7 @@ class Solution(SolvedSurface):
         elif suffix in (".ply", ".obj", ".stl", ".glb"):
             write_mesh(target, self.mesh(colour))
         elif suffix == ".json":
-            write_json(target, self.report(doubts), report)
+            write_json(target, self.report(unreliable), report)
         else:
             raise InputError(
                 f"{target.name!r} has no known suffix: use .npy, .tiff, .png, .ply, .obj, .stl, .glb or .json, "
@@ -287,14 +287,14 @@ class Solution(SolvedSurface):
                 self.image,
                 unit=self._unit,
                 white=white,
-                cuts=self.cuts,
+                discontinuities=self.discontinuities,
                 normals=normals,
             ),
             "rendered": lambda path: write_grey(path, rendered / white),
             "comparison": lambda path: pictures.comparison_picture(
                 path, self.image, rendered, white=white, photo_title="Prepared photograph"
             ),
-            "confidence": lambda path: pictures.confidence_picture(path, confidence.slope_error, confidence.doubts),
+            "confidence": lambda path: pictures.confidence_picture(path, confidence.slope_error, confidence.unreliable),
             "convergence": lambda path: pictures.convergence_picture(path, self.changes, self.parameters["tolerance"]),
         }
         return draw_all(folder, drawings)

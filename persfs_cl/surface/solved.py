@@ -25,7 +25,7 @@ from persfs_cl.surface.confidence import Confidence, cosine_to_light, slope_erro
 if TYPE_CHECKING:
     import trimesh
 
-Doubts = Mapping[str, Mask]
+Unreliable = Mapping[str, Mask]
 _BRIGHTEST = 1e100
 """More than any brightness; what is multiplied by it still has a double-precision number."""
 
@@ -60,9 +60,9 @@ class SolvedSurface:
         Pixels on walls that the surface may have: inside the mask, or of known depth. They are solved where a side had
         a depth within `REACH <persfs_cl.surface.discontinuities.REACH>` pixels, from which it is continued. None where
         none were given.
-    cuts : Cuts or None
+    discontinuities : Discontinuities or None
         Where the walls interrupt the surface: between each of their pixels and the neighbours on other sides. Normals,
-        mesh and the surface photographed again do not look across. None where no walls were given.
+        mesh and the surface re-rendered do not look across. None where no walls were given.
     """
 
     depth: Array
@@ -77,7 +77,7 @@ class SolvedSurface:
     device: Device
     albedo: Array | None = None
     walls: Mask | None = None
-    cuts: surface.Cuts | None = None
+    discontinuities: surface.Discontinuities | None = None
 
     def normals(self) -> Array:
         """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved.
@@ -91,7 +91,7 @@ class SolvedSurface:
         >>> normals.shape, bool((normals[..., 2] < 0).all())
         ((20, 20, 3), True)
         """
-        return surface.normals(self.depth, self.camera, self.cuts)
+        return surface.normals(self.depth, self.camera, self.discontinuities)
 
     def points(self) -> Array:
         """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved.
@@ -108,7 +108,7 @@ class SolvedSurface:
         return surface.points(self.depth, self.camera)
 
     def mesh(self, colour: NDArray[np.uint8] | None = None) -> trimesh.Trimesh:
-        """Triangle mesh, with no faces across unsolved pixels or cuts.
+        """Triangle mesh, with no faces across unsolved pixels or discontinuities.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class SolvedSurface:
         """
         if colour is None:
             colour = to_display(np.nan_to_num(self.image / self.white))
-        return surface.mesh(self.depth, self.camera, colour, self.cuts)
+        return surface.mesh(self.depth, self.camera, colour, self.discontinuities)
 
     @property
     def white(self) -> float:
@@ -139,7 +139,7 @@ class SolvedSurface:
         return brightest if brightest * _BRIGHTEST >= 1.0 else 1.0
 
     def render(self) -> Array:
-        """The surface photographed again under its own light, eq. (6); NaN where not solved.
+        """The surface re-rendered under its own light, eq. (6); NaN where not solved.
 
         Examples
         --------
@@ -155,11 +155,11 @@ class SolvedSurface:
             light=self.light,
             reflectance=self.reflectance,
             albedo=self.albedo,
-            cuts=self.cuts,
+            discontinuities=self.discontinuities,
             device=self.device,
         )
 
-    def grey_errors(self, photo: Array | None = None) -> metrics.Errors:
+    def residual(self, photo: Array | None = None) -> metrics.Errors:
         """Difference between the re-rendered and the given image in grey levels, 0 to 255 (the paper's Table 2).
 
         Parameters
@@ -178,7 +178,7 @@ class SolvedSurface:
         >>> import persfs_cl as ps
         >>> scene = ps.bump((20, 20), light=ps.FlashLight())
         >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
-        >>> errors = solution.grey_errors()
+        >>> errors = solution.residual()
         >>> errors.count, errors.mean < 10
         (400, True)
         """
@@ -187,23 +187,23 @@ class SolvedSurface:
             raise InputError(f"photo has shape {given.shape}: give one of the image's shape {self.image.shape}.")
         if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
             raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
-        return self._grey_errors(self.render(), given)
+        return self._residual(self.render(), given)
 
-    def _grey_errors(self, rendered: Array, given: Array) -> metrics.Errors:
+    def _residual(self, rendered: Array, given: Array) -> metrics.Errors:
         grey = 255.0 / self.white
         seen = np.clip(rendered, 0.0, self.white)
         seen *= grey
         return metrics.compare(seen, grey * given)
 
-    def confidence(self, doubts: Doubts | None = None) -> Confidence:
+    def confidence(self, unreliable: Unreliable | None = None) -> Confidence:
         """How far each pixel can be believed, as far as it can be told without knowing the surface.
 
         Parameters
         ----------
-        doubts : mapping of str to ndarray of bool, shape (height, width), optional
+        unreliable : mapping of str to ndarray of bool, shape (height, width), optional
             Further pixels whose brightness does not tell of the slope, by the reason: shadows, highlights and the like.
-            In :attr:`Confidence.doubts <persfs_cl.surface.confidence.Confidence.doubts>` they come after those that the
-            solver knows of: "unreached", "clamped" and, where walls were given, "on a wall".
+            In :attr:`Confidence.unreliable <persfs_cl.surface.confidence.Confidence.unreliable>` they come after those
+            that the solver knows of: "unreached", "clamped" and, where walls were given, "on a wall".
 
         Returns
         -------
@@ -212,7 +212,7 @@ class SolvedSurface:
         Raises
         ------
         InputError
-            When `doubts` is no mapping, or a map is not of bool, or not of the image's shape.
+            When `unreliable` is no mapping, or a map is not of bool, or not of the image's shape.
 
         Examples
         --------
@@ -220,16 +220,20 @@ class SolvedSurface:
         >>> scene = ps.bump((20, 20), light=ps.FlashLight())
         >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
         >>> dark = scene.image < 0.5
-        >>> list(solution.confidence({"in the dark": dark}).doubts)
+        >>> list(solution.confidence({"in the dark": dark}).unreliable)
         ['unreached', 'clamped', 'in the dark']
         """
-        return self._confidence(self.normals(), doubts)
+        return self._confidence(self.normals(), unreliable)
 
-    def _confidence(self, normals: Array, doubts: Doubts | None) -> Confidence:
-        if doubts is not None and not isinstance(doubts, Mapping):
-            raise InputError.about("doubts", doubts, "is no mapping: give maps of bool by the reason for doubt.")
+    def _confidence(self, normals: Array, unreliable: Unreliable | None) -> Confidence:
+        if unreliable is not None and not isinstance(unreliable, Mapping):
+            raise InputError.about(
+                "unreliable", unreliable, "is no mapping: give maps of bool by the reason for doubt."
+            )
         shape = self.depth.shape
-        given = {reason: as_mask(f"doubts[{reason!r}]", pixels, shape) for reason, pixels in (doubts or {}).items()}
+        given = {
+            reason: as_mask(f"unreliable[{reason!r}]", pixels, shape) for reason, pixels in (unreliable or {}).items()
+        }
         cosine = cosine_to_light(self.depth, normals, self.camera, self.light)
         own = {"unreached": self.unreached, "clamped": self.clamped}
         if self.walls is not None:

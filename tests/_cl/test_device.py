@@ -24,7 +24,7 @@ from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
 from persfs_cl._cl.orderings.lexicographic import Lexicographic
-from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.ordering import Ordering, Setup
 from persfs_cl._cl.orderings.three_colours import ThreeColours
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
@@ -182,7 +182,7 @@ def test_vectors_are_as_wide_as_the_registers_of_the_compiler(
     for precision, wide in (("float32", single), ("float64", double)):
         assert lanes(device, precision) == wide
         for name, for_gpus in (("wavefront", WavefrontTiles), ("checkerboard", Checkerboard)):
-            ordering = ordering_for(name, Workload(device, precision, (700, 800), 1))
+            ordering = ordering_for(name, Setup(device, precision, (700, 800), 1))
             assert ordering.lanes == wide
             assert (type(ordering) is for_gpus) == (wide == 1)
 

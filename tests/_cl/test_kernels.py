@@ -1,4 +1,4 @@
-"""Every kernel against its plain NumPy twin, and the orderings against each other, on every device."""
+"""Every kernel against its plain NumPy reference, and the orderings against each other, on every device."""
 
 from __future__ import annotations
 
@@ -55,20 +55,20 @@ def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str
 
 
 def assert_a_sweep(device_values: np.ndarray, expected: np.ndarray, precision: str, name: str) -> None:
-    """The twin's values; under a flash the upwind kernels come down to them from above, in several sweeps."""
+    """The reference's values; under a flash the upwind kernels come down to them from above, in several sweeps."""
     if name.startswith(("upwind flash", "upwind lamp")):
         expected = np.maximum(device_values, expected)
     assert_close(device_values, expected, precision)
 
 
 @functools.cache
-def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarray]:
-    """Values after each; the twin takes its time."""
-    judge = Reference.of(random_problem(7, shape, boundary="wall", **SETUPS[name]))
+def four_sweeps_of_the_reference(name: str, shape: tuple[int, int]) -> list[np.ndarray]:
+    """Values after each; the reference takes its time."""
+    reference = Reference.of(random_problem(7, shape, boundary="wall", **SETUPS[name]))
     values = []
     for direction in DIRECTIONS:
-        judge.sweep(*direction)
-        values.append(judge.log_depth.copy())
+        reference.sweep(*direction)
+        values.append(reference.log_depth.copy())
     return values
 
 
@@ -77,13 +77,13 @@ def four_sweeps_of_the_twin(name: str, shape: tuple[int, int]) -> list[np.ndarra
     [
         *[(name, shape) for name in LAX_FRIEDRICHS for shape in [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)]],
         *[(name, shape) for name in UPWIND if name not in LAMPS for shape in [(1, 5), (5, 1), (6, 7)]],
-        # The twin takes a third of a second for a cell and sweep.
+        # The reference takes a third of a second for a cell and sweep.
         *[(name, shape) for name in LAMPS for shape in [(1, 3), (3, 1), (3, 4)]],
     ],
 )
-def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, shape: tuple[int, int]) -> None:
+def test_each_sweep_equals_the_reference(device: Device, precision: str, name: str, shape: tuple[int, int]) -> None:
     problem = random_problem(7, shape, boundary="wall", **SETUPS[name])
-    expected = four_sweeps_of_the_twin(name, shape)
+    expected = four_sweeps_of_the_reference(name, shape)
     kernel = sweeper(problem, device, precision, "wavefront")
     for number, values in enumerate(expected):
         kernel.sweep(number)
@@ -92,21 +92,21 @@ def test_each_sweep_equals_the_twin(device: Device, precision: str, name: str, s
 
 
 @functools.cache
-def two_sweeps_of_the_coloured_twin(name: str) -> list[np.ndarray]:
-    judge = Reference.of(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
+def two_sweeps_of_the_coloured_reference(name: str) -> list[np.ndarray]:
+    reference = Reference.of(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
     values = []
     for _ in range(2):
-        judge.sweep_colour(0)
-        judge.sweep_colour(1)
-        values.append(judge.log_depth.copy())
+        reference.sweep_colour(0)
+        reference.sweep_colour(1)
+        values.append(reference.log_depth.copy())
     return values
 
 
 @pytest.mark.parametrize("name", SETUPS)
-def test_each_checkerboard_sweep_equals_the_twin(device: Device, precision: str, name: str) -> None:
+def test_each_checkerboard_sweep_equals_the_reference(device: Device, precision: str, name: str) -> None:
     problem = random_problem(3, (23, 38), boundary="wall", **SETUPS[name])
     kernel = sweeper(problem, device, precision, "checkerboard")
-    for number, values in enumerate(two_sweeps_of_the_coloured_twin(name)):
+    for number, values in enumerate(two_sweeps_of_the_coloured_reference(name)):
         kernel.sweep(number)
         assert_a_sweep(kernel.log_depth()[0], values, precision, name)
 
@@ -117,51 +117,51 @@ def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None
     problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
     kernel = sweeper(problem, device, "float64", "wavefront")
     assert kernel.run(100)[-1] <= 1e-13
-    judge = Reference.of(problem)
-    judge.log_depth = kernel.log_depth()[0].astype(np.float64)
+    reference = Reference.of(problem)
+    reference.log_depth = kernel.log_depth()[0].astype(np.float64)
     rows, columns = np.nonzero(problem.domain.solved)
-    found = [judge.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
+    found = [reference.upwind(rows, columns, *direction, both_edges=True) for direction in DIRECTIONS]
     least = np.fmin.reduce([*found, problem.start[rows, columns]])
     values = kernel.log_depth()[0][rows, columns]
     # A lamp beside the camera may leave dark pixels no value at the largest slope: E is the cosine at their own.
-    tells = judge.equation(rows, columns, 30.0).at(values).brightness > (0.02 if "beside" in name else 0.0)
+    tells = reference.equation(rows, columns, 30.0).at(values).brightness > (0.02 if "beside" in name else 0.0)
     assert tells.mean() > 0.9
     assert_close(values[tells], least[tells], "float64")
 
 
 @pytest.mark.parametrize("boundary", ["outflow", "extrapolate"])
 @pytest.mark.parametrize("shape", [(3, 3), (3, 12), (26, 17)])
-def test_boundary_renewal_equals_the_twin(
+def test_boundary_renewal_equals_the_reference(
     device: Device, precision: str, shape: tuple[int, int], boundary: Boundary
 ) -> None:
     problem = random_problem(11, shape, boundary=boundary, holes=0.05)
     values = np.random.default_rng(5).uniform(0.0, 1.0, shape)
     values.ravel()[problem.domain.boundary.cells] += 1.0
     linear = boundary == "extrapolate"
-    judge, kernel = Reference.of(problem, linear=linear), None
-    judge.log_depth = values.copy()
+    reference, kernel = Reference.of(problem, linear=linear), None
+    reference.log_depth = values.copy()
     problem = replace(problem, first=values, known_values=values[problem.domain.known] + problem.level)
     kernel = sweeper(problem, device, precision, "wavefront", linear=linear)
     kernel.renew_boundary()
-    judge.renew_boundary()
-    assert_close(kernel.log_depth()[0], judge.log_depth, precision)
+    reference.renew_boundary()
+    assert_close(kernel.log_depth()[0], reference.log_depth, precision)
     if len(problem.domain.boundary.cells):
-        assert (judge.log_depth != values).any()
+        assert (reference.log_depth != values).any()
 
 
 @functools.cache
-def twelve_iterations_of_the_twin() -> tuple[np.ndarray, float]:
+def twelve_iterations_of_the_reference() -> tuple[np.ndarray, float]:
     """Values after them, and the change of the last."""
-    judge = Reference.of(random_problem(2, (28, 35), light=OBLIQUE))
-    changes = [judge.iterate() for _ in range(12)]
-    return judge.log_depth, changes[-1]
+    reference = Reference.of(random_problem(2, (28, 35), light=OBLIQUE))
+    changes = [reference.iterate() for _ in range(12)]
+    return reference.log_depth, changes[-1]
 
 
 @pytest.mark.parametrize("ordering", ["lexicographic", "wavefront"])
-def test_iterations_equal_the_twin(device: Device, precision: str, ordering: str) -> None:
+def test_iterations_equal_the_reference(device: Device, precision: str, ordering: str) -> None:
     kernel = sweeper(random_problem(2, (28, 35), light=OBLIQUE), device, precision, ordering)
     change = float(kernel.run(12)[-1, 0])
-    values, expected = twelve_iterations_of_the_twin()
+    values, expected = twelve_iterations_of_the_reference()
     assert_close(kernel.log_depth()[0], values, precision)
     assert change == pytest.approx(expected, rel=1e-2 if precision == "float32" else 1e-6)
 

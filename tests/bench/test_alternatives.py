@@ -83,7 +83,7 @@ def test_without_numba_the_others_are_measured(device: ps.Device, monkeypatch: p
     assert [name for name, record in found.items() if record.median is None] == [WENO]
     assert found[WENO].detail.startswith("skipped: numba cannot be imported")
     assert "persfs-cl[bench]" in found[WENO].detail
-    assert found[WENO].subject == f"some: {WENO}"
+    assert found[WENO].workload == f"some: {WENO}"
 
 
 def test_a_device_without_double_precision_is_told(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,5 +91,5 @@ def test_a_device_without_double_precision_is_told(device: ps.Device, monkeypatc
     groups = list(alternatives.weno(Plan(device, sizes=(16, 24))))
     assert len(groups) == 7
     for records in groups:
-        assert [record.subject.partition(": ")[2] for record in records] == list(NAMES)
+        assert [record.workload.partition(": ")[2] for record in records] == list(NAMES)
         assert {record.detail for record in records} == {f"skipped: {device} has no double precision."}

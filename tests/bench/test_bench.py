@@ -18,16 +18,16 @@ from command import run
 import persfs_cl as ps
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
-from persfs_cl.bench import accuracy, experiments, peers, plots
+from persfs_cl.bench import accuracy, baselines, experiments, plots
+from persfs_cl.bench.baselines import Baseline
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
-from persfs_cl.bench.peers import Peer
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
 from persfs_cl.bench.solutions import FAST_MARCHING
-from persfs_cl.bench.subjects import Subject
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
+from persfs_cl.bench.workloads import Workload
 from persfs_cl.choices import Surface
 from persfs_cl.errors import UnavailableError
 from persfs_cl.solver.options import complete
@@ -104,8 +104,8 @@ def test_factors_are_taken_round_by_round(device: ps.Device, monkeypatch: pytest
         "persfs_cl.bench.rates.take_turns", lambda works, **options: take_turns(works, clock=clock, **options)
     )
     disturbed = [1.0, 1.0, 1.0, 10.0, 100.0]
-    ours = Subject("ours", clock.work("ours", iter(disturbed)), 100, "")
-    plain = Subject(PLAIN_C, clock.work("plain", iter(4.0 * second for second in disturbed)), 50, "")
+    ours = Workload("ours", clock.work("ours", iter(disturbed)), 100, "")
+    plain = Workload(PLAIN_C, clock.work("plain", iter(4.0 * second for second in disturbed)), 50, "")
     plan = Plan(device, repeats=3, least_seconds=0.0)
     first, second = measured(plan, "sizes", 10, "float32", [ours, plain], images=2)
     assert (first.factor, second.factor) == (8.0, 1.0)
@@ -124,15 +124,15 @@ def framed_problem(seed: int, shape: tuple[int, int], surface: Surface) -> Probl
     return prepare(image, camera, None, None, known, options=options)
 
 
-@pytest.mark.parametrize("make", [peers.plain_c, peers.numba_loop])
+@pytest.mark.parametrize("make", [baselines.plain_c, baselines.numba_loop])
 @pytest.mark.parametrize("surface", ["away", "toward"])
 def test_yardsticks_do_the_lexicographic_sweep(
-    device: ps.Device, precision: str, make: Callable[[Image, str], Peer], surface: Surface
+    device: ps.Device, precision: str, make: Callable[[Image, str], Baseline], surface: Surface
 ) -> None:
     for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
         problem = framed_problem(seed, shape, surface)
         try:
-            peer = make(problem.numbers, precision)
+            baseline = make(problem.numbers, precision)
         except UnavailableError as reason:
             pytest.skip(str(reason))
         sweeps = Sweeper(
@@ -143,23 +143,23 @@ def test_yardsticks_do_the_lexicographic_sweep(
             precision=precision,
         )
         for number in range(8):
-            before = peer.log_depth.copy()
+            before = baseline.log_depth.copy()
             sweeps.sweep(number % 4)
-            peer.sweep(number % 4)
+            baseline.sweep(number % 4)
             # Kernels fuse multiply-adds, which plain C does not: that rounds otherwise, on the start value's scale.
             swept, rounding = sweeps.log_depth()[0], np.finfo(precision).eps * before.max()
-            np.testing.assert_allclose(peer.log_depth, swept, rtol=0, atol=4 * rounding)
-            peer.log_depth[:] = swept
-            assert number > 0 or (peer.log_depth < before).any(), "something must have moved"
+            np.testing.assert_allclose(baseline.log_depth, swept, rtol=0, atol=4 * rounding)
+            baseline.log_depth[:] = swept
+            assert number > 0 or (baseline.log_depth < before).any(), "something must have moved"
 
 
 def test_a_missing_or_failing_compiler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = framed_problem(1, (5, 5), "away").numbers
-    peers._compiled.cache_clear()
+    baselines._compiled.cache_clear()
     for compiler, reason in (("no-such-compiler", "no C compiler 'no-such-compiler'"), ("false", "failed")):
         monkeypatch.setenv("CC", compiler)
         with pytest.raises(UnavailableError, match=reason):
-            peers.plain_c(grid, "float32")
+            baselines.plain_c(grid, "float32")
 
 
 def test_a_failing_process_is_told() -> None:
@@ -168,7 +168,7 @@ def test_a_failing_process_is_told() -> None:
 
 
 RECORDS = [
-    Record.of([3.0, 1.0, 2.0], experiment="sizes", subject="a", quantity="rate", unit="Mc/s", size=64, images=1,
+    Record.of([3.0, 1.0, 2.0], experiment="sizes", workload="a", quantity="rate", unit="Mc/s", size=64, images=1,
               precision="float32", by_device=2.5, factor=1 / 3, detail='with "quotes", commas\nand two lines'),
     Record("sizes", "b", "rate", "Mc/s", 64, 1, "float32", detail="skipped: ü"),
 ]  # fmt: skip
@@ -203,7 +203,7 @@ def test_plots_that_the_records_do_not_allow_go(tmp_path: Path) -> None:
 
 
 def test_rates_on_the_yardsticks_are_rounded_to_three_digits() -> None:
-    bars = [Record.of([rate], experiment="orderings", subject="a", quantity="rate", unit="Mc/s", size=64, images=1,
+    bars = [Record.of([rate], experiment="orderings", workload="a", quantity="rate", unit="Mc/s", size=64, images=1,
                       precision="float32") for rate in (1184.0, 3.456)]  # fmt: skip
     figure = plots._yardsticks(bars)
     assert figure is not None
@@ -239,10 +239,10 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
             assert record.highest is not None
             assert 0 < record.lowest <= record.median <= record.highest
     assert {record.images for record in records if record.experiment == "batch"} == {1, 3}
-    of_upwind = [record for record in records if record.subject.endswith(", upwind")]
+    of_upwind = [record for record in records if record.workload.endswith(", upwind")]
     assert {record.experiment for record in of_upwind} == {"orderings"}
     assert {record.factor for record in of_upwind} == {None}, "another cell than that of the plain C sweep"
-    tuned = {record.subject for record in records if record.experiment == "tunings"}
+    tuned = {record.workload for record in records if record.experiment == "tunings"}
     assert {"wavefront_tiles, 32 × 64", "checkerboard, 8 lanes"} <= tuned
     if content["header"]["device"]["kind"] == "cpu":
         strips = {f"wavefront_strips, 8 lanes, rows: {rows}, groups: {groups}" for rows in (8, 24) for groups in (1, 3)}
@@ -265,9 +265,9 @@ def test_only_the_schemes_asked_for_are_measured(device: ps.Device) -> None:
     plan = replace(plan, least_seconds=0.0, strip_rows=(8,), tiles=((32, 64),), work_groups=(1,))
     peers_beside = {PLAIN_C, "numba", "NumPy twin", FAST_MARCHING}
     for name in ("orderings", "sizes", "batch", "precision", "tunings", "solutions"):
-        subjects = {record.subject for group in EXPERIMENTS[name](plan) for record in group} - peers_beside
-        assert subjects
-        assert all(subject.endswith("upwind") for subject in subjects)
+        workloads = {record.workload for group in EXPERIMENTS[name](plan) for record in group} - peers_beside
+        assert workloads
+        assert all(workload.endswith("upwind") for workload in workloads)
 
 
 def test_errors_are_drawn_as_far_as_they_go(device: ps.Device, tmp_path: Path) -> None:

@@ -16,16 +16,16 @@ from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.tables import contents, markers, two_digits
-from persfs_cl.circumstances import circumstances
-from persfs_cl.page import CIRCUMSTANCES, filled, marked
+from persfs_cl.environment import environment
+from persfs_cl.page import ENVIRONMENT, filled, marked
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGES = {name: (DOCS / name).read_text(encoding="utf-8") for name in ("performance.md", "accuracy.md")}
 
 
-def rate(subject: str, *values: float, **others: Any) -> Record:
+def rate(workload: str, *values: float, **others: Any) -> Record:
     common = {"experiment": "sizes", "quantity": "rate", "unit": "Mc/s", "size": 64, "images": 1}
-    return Record.of(values, **{"subject": subject, "precision": "float32", **common, **others})
+    return Record.of(values, **{"workload": workload, "precision": "float32", **common, **others})
 
 
 SIZES = [
@@ -43,15 +43,15 @@ SIZES_TABLE = """\
 
 def table(records: list[Record], name: str, device: ps.Device) -> list[list[str]]:
     """The cells of a table, without its rule."""
-    text = contents(circumstances(device, ""), records)[name]
+    text = contents(environment(device, ""), records)[name]
     header, _rule, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines())
     return [header, *rows]
 
 
 def test_every_table_has_one_place_on_the_pages() -> None:
     places = [name for text in PAGES.values() for name in marked(text)]
-    assert sorted(name for name in places if name != CIRCUMSTANCES) == sorted(markers(EXPERIMENTS))
-    assert places.count(CIRCUMSTANCES) == len(PAGES)
+    assert sorted(name for name in places if name != ENVIRONMENT) == sorted(markers(EXPERIMENTS))
+    assert places.count(ENVIRONMENT) == len(PAGES)
     for experiment in EXPERIMENTS:
         assert markers([experiment]), experiment
 
@@ -60,15 +60,15 @@ def test_every_table_has_one_place_on_the_pages() -> None:
 def test_pages_are_filled_the_way_they_are(name: str) -> None:
     assert filled(PAGES[name], marked(PAGES[name])) == PAGES[name]
     for place, text in marked(PAGES[name]).items():
-        assert place == CIRCUMSTANCES or len({line.count("|") for line in text.splitlines()}) == 1, place
+        assert place == ENVIRONMENT or len({line.count("|") for line in text.splitlines()}) == 1, place
 
 
 def test_rates_stand_beside_plain_c(device: ps.Device) -> None:
-    found = contents(circumstances(device, ""), SIZES)
-    assert set(found) == {CIRCUMSTANCES, "sizes"}
+    found = contents(environment(device, ""), SIZES)
+    assert set(found) == {ENVIRONMENT, "sizes"}
     assert found["sizes"] == SIZES_TABLE
-    assert "cc 12" in found[CIRCUMSTANCES]
-    assert device.driver_version in found[CIRCUMSTANCES]
+    assert "cc 12" in found[ENVIRONMENT]
+    assert device.driver_version in found[ENVIRONMENT]
 
 
 def test_what_one_precision_lacks_is_left_empty(device: ps.Device) -> None:
@@ -105,14 +105,14 @@ def test_errors_are_grouped_by_scheme(device: ps.Device) -> None:
     scenes = list(accuracy.SCENES)[:2]
 
     def error(scene: str, scheme: str, size: int, value: float) -> Record:
-        name = accuracy.subject(scene, scheme)
+        name = accuracy.workload(scene, scheme)
         return rate(name, value, experiment="accuracy", quantity=accuracy.ERROR, size=size, iteration=3)
 
     records = [
         error(scenes[0], "Lax-Friedrichs", 51, 0.0068),
         error(scenes[0], "upwind", 51, 0.00123),
         error(scenes[0], "upwind", 101, 0.000001),
-        rate(accuracy.subject(scenes[0], "upwind"), 0.966, experiment="accuracy", quantity=accuracy.ORDER, size=0),
+        rate(accuracy.workload(scenes[0], "upwind"), 0.966, experiment="accuracy", quantity=accuracy.ORDER, size=0),
         error(scenes[1], "Lax-Friedrichs", 101, 1.0),
     ]
     assert table(records, "accuracy", device) == [
@@ -127,7 +127,7 @@ def test_schemes_that_were_tried_stand_beside_those_taken(device: ps.Device) -> 
     schemes = (*accuracy.SCHEMES, alternatives.WENO)
 
     def error(scheme: str, size: int, detail: str = "") -> Record:
-        name = accuracy.subject("bump, 8 bits", scheme)
+        name = accuracy.workload("bump, 8 bits", scheme)
         return rate(name, 0.0123, experiment="weno", quantity=accuracy.ERROR, size=size, iteration=7, detail=detail)
 
     records = [error(scheme, 50) for scheme in schemes]
@@ -192,8 +192,8 @@ def page(folder: Path, name: str, *places: str) -> Path:
 def test_pages_are_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(EXPERIMENTS, "sizes", lambda _plan: iter([SIZES[:2], SIZES[2:]]))
     first, second = (
-        page(tmp_path, "a.md", CIRCUMSTANCES, "sizes", "flash"),
-        page(tmp_path, "b.md", CIRCUMSTANCES, "sizes"),
+        page(tmp_path, "a.md", ENVIRONMENT, "sizes", "flash"),
+        page(tmp_path, "b.md", ENVIRONMENT, "sizes"),
     )
     options = ("--experiment", "sizes", "-o", tmp_path / "out", "--page", first, "--page", second)
     outcome = run("bench", *options)
@@ -203,10 +203,10 @@ def test_pages_are_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     found = marked(once)
     assert found["sizes"] == SIZES_TABLE
     assert found["flash"] == "old"
-    assert found[CIRCUMSTANCES] == "old", "those of another table"
+    assert found[ENVIRONMENT] == "old", "those of another table"
     whole = marked(second.read_text(encoding="utf-8"))
     assert whole["sizes"] == SIZES_TABLE
-    assert f"persfs-cl {ps.__version__}" in whole[CIRCUMSTANCES]
+    assert f"persfs-cl {ps.__version__}" in whole[ENVIRONMENT]
     assert once.count("Words.\n\n<!--") == 3
     assert (tmp_path / "out" / "scaling.png").exists()
 
@@ -230,7 +230,7 @@ def test_a_page_stays_as_it_is_when_something_fails(
     ("places", "options", "message"),
     [
         (("sizes", "nonsense"), (), "<!-- nonsense -->"),
-        ((CIRCUMSTANCES,), (), "holds no marker"),
+        ((ENVIRONMENT,), (), "holds no marker"),
         ((), (), "holds no marker"),
         (("flash",), (), "<!-- sizes -->"),
         (("sizes",), ("--quick",), "leave out --quick"),
@@ -263,4 +263,4 @@ def test_a_page_that_is_missing_is_told_before_any_work(tmp_path: Path, monkeypa
 def test_no_tuning_is_measured_twice(device: ps.Device) -> None:
     plan = Plan(device, sizes=(64,), repeats=1, least_seconds=0.0, strip_rows=(8, 24), tiles=((32, 64),), lanes=(8,))
     (records,) = experiments.tunings(plan)
-    assert len({record.subject for record in records}) == len(records)
+    assert len({record.workload for record in records}) == len(records)

@@ -341,12 +341,17 @@ def _targets(setting: Setting) -> dict[str, tuple[Callable[..., Any], dict[str, 
         "read_points": (read_points, {"path": setting.folder / "missing.csv"}),
         "Solution.save": (
             solution.save,
-            {"path": target, "colour": np.zeros((12, 12), np.uint8), "report": {"a": 1}, "doubts": {"dark": inside}},
+            {
+                "path": target,
+                "colour": np.zeros((12, 12), np.uint8),
+                "report": {"a": 1},
+                "unreliable": {"dark": inside},
+            },
         ),
         "Solution.mesh": (solution.mesh, {"colour": np.zeros((12, 12, 3), np.uint8)}),
-        "Solution.confidence": (solution.confidence, {"doubts": {"dark": inside}}),
-        "Solution.grey_errors": (solution.grey_errors, {"photo": image}),
-        "Solution.report": (solution.report, {"doubts": {"dark": inside}}),
+        "Solution.confidence": (solution.confidence, {"unreliable": {"dark": inside}}),
+        "Solution.residual": (solution.residual, {"photo": image}),
+        "Solution.report": (solution.report, {"unreliable": {"dark": inside}}),
     }
 
 

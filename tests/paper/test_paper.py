@@ -19,8 +19,8 @@ from persfs_cl._cl.device import Device
 from persfs_cl.colour import encode_srgb
 from persfs_cl.page import filled, marked
 from persfs_cl.paper import fast_marching, printed, sensitivity, statue
-from persfs_cl.paper.course import told
 from persfs_cl.paper.experiments import EXPERIMENTS
+from persfs_cl.paper.history import told
 from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
@@ -84,7 +84,7 @@ def test_quick_form_writes_tables_and_pictures(quick: Path) -> None:
 
 def test_markdown_holds_what_the_csv_files_hold(quick: Path) -> None:
     tables = marked((quick / "tables.md").read_text(encoding="utf-8"))
-    assert "OpenCL" in tables.pop("circumstances")
+    assert "OpenCL" in tables.pop("environment")
     assert set(tables) == {path.stem for path in quick.glob("*.csv")}
     for name, text in tables.items():
         assert of_markdown(text) == rows(quick / f"{name}.csv"), name
@@ -117,7 +117,7 @@ def test_the_page_holds_the_numbers_of_the_command(quick: Path) -> None:
 def test_the_page_and_the_files_beside_it_are_of_one_run() -> None:
     folder = ROOT / "docs" / "paper"
     tables = marked(PAGE)
-    assert set(tables) - {"circumstances"} == {path.stem for path in folder.glob("*.csv")}
+    assert set(tables) - {"environment"} == {path.stem for path in folder.glob("*.csv")}
     for path in folder.glob("*.csv"):
         assert of_markdown(tables[path.stem]) == rows(path)
     assert {path.name for path in folder.glob("*.png")} == PICTURES
@@ -220,10 +220,10 @@ def test_finished_tables_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_page_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     only(monkeypatch, {"one": lambda _plan: Findings([TABLE])})
     page = tmp_path / "page.md"
-    page.write_text("# Title\n\n<!-- some -->\n<!-- end -->\n\n<!-- circumstances -->\nold\n<!-- end -->\n\nEnd.\n")
+    page.write_text("# Title\n\n<!-- some -->\n<!-- end -->\n\n<!-- environment -->\nold\n<!-- end -->\n\nEnd.\n")
     assert run("paper", "-o", tmp_path / "out", "--page", page).status == 0
     text = page.read_text(encoding="utf-8")
-    assert text.startswith(f"# Title\n\n<!-- some -->\n{TABLE.markdown}\n<!-- end -->\n\n<!-- circumstances -->\n")
+    assert text.startswith(f"# Title\n\n<!-- some -->\n{TABLE.markdown}\n<!-- end -->\n\n<!-- environment -->\n")
     assert text.endswith("<!-- end -->\n\nEnd.\n")
     assert "old" not in text
     assert filled(text, marked(text)) == text
@@ -241,9 +241,9 @@ def test_a_page_that_cannot_be_filled_is_refused(text: str | None, tmp_path: Pat
 
 
 def test_printed_figures_are_complete() -> None:
-    for course in (printed.YANG_HAN_VASE, printed.TANKUS_VASE, printed.YANG_HAN_STATUE, printed.TANKUS_STATUE):
-        assert course.seconds is not None
-        for values in (course.mean, course.root_mean_square, course.seconds):
-            assert len(values) == len(course.iterations) == 7
-        assert all(mean < square for mean, square in zip(course.mean, course.root_mean_square, strict=True))
-        assert list(course.seconds) == sorted(course.seconds)
+    for history in (printed.YANG_HAN_VASE, printed.TANKUS_VASE, printed.YANG_HAN_STATUE, printed.TANKUS_STATUE):
+        assert history.seconds is not None
+        for values in (history.mean, history.root_mean_square, history.seconds):
+            assert len(values) == len(history.iterations) == 7
+        assert all(mean < square for mean, square in zip(history.mean, history.root_mean_square, strict=True))
+        assert list(history.seconds) == sorted(history.seconds)

@@ -10,7 +10,7 @@ import pytest
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.errors import InputError
-from persfs_cl.preparation import inpaint as membrane
+from persfs_cl.preparation import inpaint
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 
 ROWS, COLUMNS = np.mgrid[:40, :60].astype(float)
@@ -163,13 +163,13 @@ def test_a_hole_of_any_width_is_filled_in_a_few_steps(monkeypatch: pytest.Monkey
     around_the_gap = mask & dilate(~mask, 1)
     holes &= ~around_the_gap
     steps = []
-    correction = membrane._Grid.correction
+    correction = inpaint._Grid.correction
 
-    def counted(grid: membrane._Grid, residual: Array) -> Array:
+    def counted(grid: inpaint._Grid, residual: Array) -> Array:
         steps.append(residual.size)
         return correction(grid, residual)
 
-    monkeypatch.setattr(membrane._Grid, "correction", counted)
+    monkeypatch.setattr(inpaint._Grid, "correction", counted)
     filled, _ = fill_smoothly(np.where(holes, 0.0, harmonic), holes, mask=mask)
     np.testing.assert_allclose(filled[mask], harmonic[mask], atol=1e-9 * np.abs(harmonic).max())
     # Without the coarser grids it would be some 400.

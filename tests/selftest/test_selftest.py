@@ -144,9 +144,9 @@ def test_a_wrong_forward_model_is_found(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_reference_has_a_viscosity_that_bounds_the_slope(material: Any, surface: Surface) -> None:
     """Of the two equations that the kernels were not compared with otherwise."""
     for light in (OBLIQUE, EVEN):
-        judge = Reference.of(noise(light, material, "lax-friedrichs", surface, "wall"))
-        rows, columns = (axis.ravel() for axis in np.indices(judge.log_depth.shape))
-        equation = judge.equation(rows, columns, 30.0)
+        reference = Reference.of(noise(light, material, "lax-friedrichs", surface, "wall"))
+        rows, columns = (axis.ravel() for axis in np.indices(reference.log_depth.shape))
+        equation = reference.equation(rows, columns, 30.0)
         assert isinstance(equation, MaterialEquation if light is OBLIQUE else HeadlightEquation)
         random = np.random.default_rng(1)
         p, q = (np.sinh(random.uniform(-2.0, 2.0, (500, rows.size))) for _ in range(2))
@@ -360,8 +360,8 @@ def test_json_holds_everything(pretended: Callable[[str], None]) -> None:
     assert check["failures"] == []
     assert check["vendor"] == "nobody"
     assert check["compilation"]["seconds"] == pytest.approx(0.05 * len(check["cases"]))
-    assert {"persfs-cl", "python", "numpy", "pyopencl"} <= set(check["circumstances"]["versions"])
-    assert {"system", "processor", "cores", "date", "command", "device"} <= set(check["circumstances"])
+    assert {"persfs-cl", "python", "numpy", "pyopencl"} <= set(check["environment"]["versions"])
+    assert {"system", "processor", "cores", "date", "command", "device"} <= set(check["environment"])
     assert len(check["cases"]) == len(cases(quick=True))
     for found, case in zip(check["cases"], cases(quick=True), strict=True):
         assert (found["case"], found["precision"]) == (case.title, case.precision)

@@ -65,7 +65,7 @@ class TestAlbedo:
         np.testing.assert_array_equal(solution.depth, plain.depth)
         np.testing.assert_array_equal(solution.image, scene.image)
         np.testing.assert_allclose(solution.render(), plain.render() * paint)
-        assert solution.grey_errors().mean < plain.grey_errors().mean
+        assert solution.residual().mean < plain.residual().mean
 
     def test_each_image_of_a_batch_has_its_own(self) -> None:
         scene, paint = self.painted(self.LIGHTS[0])

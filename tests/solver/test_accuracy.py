@@ -61,7 +61,7 @@ def test_mean_error_of_second_order_at_401_pixels(device: Device) -> None:
 @functools.cache
 def flash(device: Device) -> dict[tuple[str, str], float]:
     records = [record for group in accuracy.flash(Plan(device, repeats=1)) for record in group]
-    return dict(zip([(record.subject, record.quantity) for record in records], values(records), strict=True))
+    return dict(zip([(record.workload, record.quantity) for record in records], values(records), strict=True))
 
 
 def test_a_scanned_object_is_found_from_its_photograph(device: Device) -> None:
@@ -81,9 +81,9 @@ def material_errors(device: Device) -> dict[str, float]:
         for group in accuracy.reflectance(Plan(device, sizes=(101,)))
         for record in group
         # Under a flash after one scale, which the depth of another material has not.
-        if record.quantity == (ERROR_SCALED if record.subject.startswith("flash") else ERROR)
+        if record.quantity == (ERROR_SCALED if record.workload.startswith("flash") else ERROR)
     ]
-    return dict(zip([record.subject for record in records], values(records), strict=True))
+    return dict(zip([record.workload for record in records], values(records), strict=True))
 
 
 def test_materials_under_a_flash_are_found_and_wrong_ones_seen(device: Device) -> None:
@@ -116,7 +116,7 @@ def test_a_rough_hill_and_another_surface_have_the_same_photograph(device: Devic
     """Under refinement the grey error goes down as fast as where depth is found, and the depth stays where it is."""
     records = [record for group in accuracy.ambiguity(Plan(device, sizes=(101, 201))) for record in group]
     found = dict(
-        zip([(record.subject, record.quantity, record.size) for record in records], values(records), strict=True)
+        zip([(record.workload, record.quantity, record.size) for record in records], values(records), strict=True)
     )
     for material in (MATT, AMBIGUOUS):
         assert found[material, GREY_ERROR, 201] <= 0.65 * found[material, GREY_ERROR, 101]
@@ -126,8 +126,8 @@ def test_a_rough_hill_and_another_surface_have_the_same_photograph(device: Devic
 
 def test_a_lamp_beside_the_camera_costs_no_exactness_by_upwind(device: Device) -> None:
     records = [record for group in accuracy.lamp(Plan(device, sizes=(61,))) for record in group]
-    assert [record.subject for record in records] == [
-        accuracy.subject(accuracy.lamp_name(aside), scheme)
+    assert [record.workload for record in records] == [
+        accuracy.workload(accuracy.lamp_name(aside), scheme)
         for aside in accuracy.LAMP_ASIDE
         for scheme in accuracy.LAMP_SCHEMES
     ]

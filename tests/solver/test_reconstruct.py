@@ -171,7 +171,7 @@ def test_nothing_crosses_a_wall() -> None:
     assert (other.depth[:, 26:] < one.depth[:, 26:]).all()
     # The wall itself belongs to one of its sides.
     assert one.solved.all()
-    assert (other.cuts.right[:, 24:26].sum(axis=1) == 1).all()  # type: ignore[union-attr] # walls were given
+    assert (other.discontinuities.right[:, 24:26].sum(axis=1) == 1).all()  # type: ignore[union-attr] # walls were given
 
 
 @pytest.mark.parametrize("boundary", ["outflow", "wall", "extrapolate"])

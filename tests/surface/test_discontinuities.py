@@ -21,7 +21,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.discontinuities import REACH, fill_walls
-from persfs_cl.surface.geometry import Cuts
+from persfs_cl.surface.geometry import Discontinuities
 
 SHAPE = (60, 70)
 CAMERA = ps.Camera(focal_length=(80.0, 90.0))
@@ -79,17 +79,17 @@ every_region = pytest.mark.parametrize("region", REGIONS)
 every_wall = pytest.mark.parametrize("kind", WALLS)
 
 
-def filled(depth: Array, image: Array, walls: Mask, known: Array | None = None) -> tuple[Array, Cuts]:
+def filled(depth: Array, image: Array, walls: Mask, known: Array | None = None) -> tuple[Array, Discontinuities]:
     """Depth with walls filled from exact depths beside them."""
     log_depth = np.log(np.where(walls, np.nan, depth))
     given = np.full(np.count_nonzero(walls), np.nan) if known is None else np.log(known[walls])
-    cuts = fill_walls(log_depth, walls, image, given)
-    return np.exp(log_depth), cuts
+    discontinuities = fill_walls(log_depth, walls, image, given)
+    return np.exp(log_depth), discontinuities
 
 
-def jumps(front: Mask) -> Cuts:
+def jumps(front: Mask) -> Discontinuities:
     """The outline of what is in front."""
-    return Cuts(front[:, 1:] != front[:, :-1], front[1:] != front[:-1])
+    return Discontinuities(front[:, 1:] != front[:, :-1], front[1:] != front[:-1])
 
 
 def parts(mesh: trimesh.Trimesh) -> list[int]:
@@ -112,7 +112,7 @@ def test_depth_and_side_are_right_where_two_planes_overlap(region: str, kind: st
     depth, image = step(front)
     walls = WALLS[kind](front)
     assert walls.sum() > 40
-    found, cuts = filled(depth, image, walls)
+    found, discontinuities = filled(depth, image, walls)
     # The depths of the two sides differ by more than 0.3.
     error = np.abs(found - depth)
     wrong = error > 0.1
@@ -120,22 +120,27 @@ def test_depth_and_side_are_right_where_two_planes_overlap(region: str, kind: st
     assert error[~wrong].max() < 0.01
     if not wrong.any():
         expected = jumps(front)
-        np.testing.assert_array_equal(cuts.right, expected.right)
-        np.testing.assert_array_equal(cuts.down, expected.down)
+        np.testing.assert_array_equal(discontinuities.right, expected.right)
+        np.testing.assert_array_equal(discontinuities.down, expected.down)
 
 
 @every_region
 def test_a_mesh_has_the_parts_of_the_scene_and_no_long_edge(region: str) -> None:
     front = REGIONS[region]
     depth, image = step(front)
-    found, cuts = filled(depth, image, WALLS["in front"](front))
-    mesh = surface.mesh(found, CAMERA, cuts=cuts)
+    found, discontinuities = filled(depth, image, WALLS["in front"](front))
+    mesh = surface.mesh(found, CAMERA, discontinuities=discontinuities)
     assert parts(mesh) == sorted([int(front.sum()), int((~front).sum())], reverse=True)
     assert mesh.edges_unique_length.max() < 0.1
     whole = surface.mesh(found, CAMERA)
     assert whole.edges_unique_length.max() > 0.3
     # Of each square that the jump crosses up to one triangle remains, of others both.
-    crossed = cuts.right[:-1] | cuts.right[1:] | cuts.down[:, :-1] | cuts.down[:, 1:]
+    crossed = (
+        discontinuities.right[:-1]
+        | discontinuities.right[1:]
+        | discontinuities.down[:, :-1]
+        | discontinuities.down[:, 1:]
+    )
     assert len(whole.faces) - 2 * crossed.sum() <= len(mesh.faces) <= len(whole.faces) - crossed.sum()
 
 
@@ -143,12 +148,12 @@ def test_a_mesh_has_the_parts_of_the_scene_and_no_long_edge(region: str) -> None
 def test_normals_and_brightness_do_not_look_across(light: Light) -> None:
     front = REGIONS["disc"]
     depth, image = step(front, light)
-    found, cuts = filled(depth, image, thick(front))
+    found, discontinuities = filled(depth, image, thick(front))
     exact = [surface.normals(plane(tilt)[0], CAMERA) for tilt in (NEAR, FAR)]
-    normals = surface.normals(found, CAMERA, cuts)
+    normals = surface.normals(found, CAMERA, discontinuities)
     # One-sided differences are of first order.
     np.testing.assert_allclose(normals, np.where(front[..., None], *exact), atol=0.01)
-    again = ps.render(found, CAMERA, light=light, cuts=cuts)
+    again = ps.render(found, CAMERA, light=light, discontinuities=discontinuities)
     np.testing.assert_allclose(again, image, rtol=0.03)
     assert (ps.render(found, CAMERA, light=light) < 0.2 * image)[rim_inside(front)].any()
 
@@ -158,11 +163,11 @@ def test_the_kernel_renders_cuts_like_the_formula(light: Light, device: ps.Devic
     random = np.random.default_rng(5)
     depth = np.exp(0.01 * random.standard_normal((23, 31)))
     depth[random.uniform(size=depth.shape) > 0.9] = np.nan
-    cuts = Cuts(random.uniform(size=(23, 30)) > 0.7, random.uniform(size=(22, 31)) > 0.7)
-    p, q = surface.log_depth_gradient(depth, CAMERA, cuts)
+    discontinuities = Discontinuities(random.uniform(size=(23, 30)) > 0.7, random.uniform(size=(22, 31)) > 0.7)
+    p, q = surface.log_depth_gradient(depth, CAMERA, discontinuities)
     grid = CAMERA.grid((23, 31))
     expected = light.brightness(np.log(depth), p, q, grid.x, grid.y, ps.Lambertian())
-    image = ps.render(depth, CAMERA, light=light, cuts=cuts, device=device, precision=precision)
+    image = ps.render(depth, CAMERA, light=light, discontinuities=discontinuities, device=device, precision=precision)
     np.testing.assert_allclose(image, expected, atol=1e-4 if precision == "float32" else 1e-12)
 
 
@@ -171,13 +176,13 @@ def test_thick_walls_are_filled_as_far_as_the_reach(thickness: int) -> None:
     front = REGIONS["upright"]
     depth, image = step(front)
     first = 33 - thickness // 2
-    found, cuts = filled(depth, image, (columns >= first) & (columns < first + thickness))
+    found, discontinuities = filled(depth, image, (columns >= first) & (columns < first + thickness))
     too_far = (columns >= first + REACH) & (columns < first + thickness - REACH)
     np.testing.assert_array_equal(np.isnan(found), too_far)
     np.testing.assert_allclose(found[~too_far], depth[~too_far], rtol=0.05)
-    assert not cuts.down[~(too_far[1:] | too_far[:-1])].any()
+    assert not discontinuities.down[~(too_far[1:] | too_far[:-1])].any()
     if not too_far.any():
-        np.testing.assert_array_equal(cuts.right, jumps(front).right)
+        np.testing.assert_array_equal(discontinuities.right, jumps(front).right)
 
 
 @pytest.mark.parametrize(
@@ -187,37 +192,37 @@ def test_thick_walls_are_filled_as_far_as_the_reach(thickness: int) -> None:
 )
 def test_walls_along_the_edge_of_the_image(walls: Mask) -> None:
     depth, image = plane(NEAR)
-    found, cuts = filled(depth, image, walls)
+    found, discontinuities = filled(depth, image, walls)
     np.testing.assert_allclose(found, depth, rtol=2e-3)
-    assert not cuts.right.any()
-    assert not cuts.down.any()
+    assert not discontinuities.right.any()
+    assert not discontinuities.down.any()
 
 
 def test_where_nothing_jumps_around_an_end_nothing_is_cut() -> None:
     depth, image = plane(NEAR)
     for walls in ((rows == 20) & (columns == 30), (rows == 20) & (np.abs(columns - 30) < 2)):
-        found, cuts = filled(depth, image, walls)
+        found, discontinuities = filled(depth, image, walls)
         np.testing.assert_allclose(found, depth, rtol=1e-4)
-        assert not cuts.right.any()
-        assert not cuts.down.any()
+        assert not discontinuities.right.any()
+        assert not discontinuities.down.any()
     # A longer one is a seam, but for its ends, in a surface that is right all the same.
     walls = (rows == 20) & (columns > 10) & (columns < 50)
-    found, cuts = filled(depth, image, walls)
+    found, discontinuities = filled(depth, image, walls)
     np.testing.assert_allclose(found, depth, rtol=1e-4)
-    assert 30 < cuts.down.sum() < 39
-    assert not cuts.right.any()
-    assert parts(surface.mesh(found, CAMERA, cuts=cuts)) == [depth.size]
+    assert 30 < discontinuities.down.sum() < 39
+    assert not discontinuities.right.any()
+    assert parts(surface.mesh(found, CAMERA, discontinuities=discontinuities)) == [depth.size]
 
 
 def test_three_sides_meet() -> None:
     front, left = REGIONS["level"], columns < 35
     sides = plane(NEAR), plane(FAR), plane((0.0, -0.6, 2.2))
     depth, image = (np.select([front, left], given[:2], given[2]) for given in zip(*sides, strict=True))
-    found, cuts = filled(depth, image, rim_inside(front) | (~front & (columns == 35)))
+    found, discontinuities = filled(depth, image, rim_inside(front) | (~front & (columns == 35)))
     # All but the pixel where they meet.
     assert np.count_nonzero(np.abs(found / depth - 1.0) > 2e-3) <= 1
     sizes = sorted((int(part.sum()) for part in (front, ~front & left, ~front & ~left)), reverse=True)
-    assert parts(surface.mesh(found, CAMERA, cuts=cuts)) == pytest.approx(sizes, abs=1)
+    assert parts(surface.mesh(found, CAMERA, discontinuities=discontinuities)) == pytest.approx(sizes, abs=1)
 
 
 @pytest.mark.parametrize("turned", [np.transpose, np.fliplr, np.flipud, np.rot90], ids=lambda turned: turned.__name__)
@@ -229,19 +234,19 @@ def test_turned_images_have_turned_results(turned: Callable[[NDArray[Any]], NDAr
     image = random.uniform(0.2, 1.0, SHAPE)
     walls = thick(front) | (random.uniform(size=SHAPE) > 0.98)
     depth[random.uniform(size=SHAPE) > 0.98] = np.nan
-    found, cuts = filled(depth, image, walls)
+    found, discontinuities = filled(depth, image, walls)
     others, other_cuts = filled(turned(depth), turned(image), turned(walls))
     np.testing.assert_allclose(others, turned(found), rtol=1e-12)
-    np.testing.assert_array_equal(count_cuts(other_cuts, others.shape), turned(count_cuts(cuts, SHAPE)))
+    np.testing.assert_array_equal(count_cuts(other_cuts, others.shape), turned(count_cuts(discontinuities, SHAPE)))
 
 
-def count_cuts(cuts: Cuts, shape: tuple[int, ...]) -> NDArray[np.intp]:
+def count_cuts(discontinuities: Discontinuities, shape: tuple[int, ...]) -> NDArray[np.intp]:
     """How many of its four neighbours each pixel is cut off from."""
     count = np.zeros(shape, dtype=np.intp)
-    count[:, :-1] += cuts.right
-    count[:, 1:] += cuts.right
-    count[:-1] += cuts.down
-    count[1:] += cuts.down
+    count[:, :-1] += discontinuities.right
+    count[:, 1:] += discontinuities.right
+    count[:-1] += discontinuities.down
+    count[1:] += discontinuities.down
     return count
 
 
@@ -251,12 +256,12 @@ def test_a_known_depth_on_a_wall_is_kept_and_tells_its_side() -> None:
     walls = rim_inside(front)
     known = np.full(SHAPE, np.nan)
     known[10, 32], known[40, 32] = 0.97, 1.5
-    found, cuts = filled(depth, image, walls, known)
+    found, discontinuities = filled(depth, image, walls, known)
     assert (found[10, 32], found[40, 32]) == pytest.approx((0.97, 1.5), rel=1e-12)
-    assert (cuts.right[10, 31], cuts.right[10, 32]) == (False, True)
-    assert (cuts.right[40, 31], cuts.right[40, 32]) == (True, False)
-    assert cuts.down[39:41, 32].all()
-    assert cuts.down.sum() == 2
+    assert (discontinuities.right[10, 31], discontinuities.right[10, 32]) == (False, True)
+    assert (discontinuities.right[40, 31], discontinuities.right[40, 32]) == (True, False)
+    assert discontinuities.down[39:41, 32].all()
+    assert discontinuities.down.sum() == 2
 
 
 @pytest.mark.parametrize("lost", [np.nan, 0.0])
@@ -265,11 +270,11 @@ def test_where_the_image_tells_nothing_the_nearest_side_is_taken(lost: float) ->
     depth, image = step(front)
     walls = (columns >= 31) & (columns < 34)
     image[walls] = lost
-    found, cuts = filled(depth, image, walls)
+    found, discontinuities = filled(depth, image, walls)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[:, :32], depth[:, :32], rtol=2e-3)
     np.testing.assert_allclose(found[:, 33:], depth[:, 33:], rtol=5e-3)
-    assert (cuts.right.sum(axis=1) == 1).all()
+    assert (discontinuities.right.sum(axis=1) == 1).all()
 
 
 SOLVERS: dict[str, Mapping[str, object]] = {
@@ -302,14 +307,14 @@ def test_solutions_have_depth_on_walls(name: str, kind: str) -> None:
     assert solution.solved.all()
     np.testing.assert_allclose(np.exp(solution.log_depth), solution.depth)
     assert solution.walls is not None
-    assert solution.cuts is not None
+    assert solution.discontinuities is not None
     np.testing.assert_array_equal(solution.walls, walls)
     error = np.abs(solution.depth - depth)
     assert (error > 0.2)[walls].mean() <= 0.1
     assert np.median(error[walls]) < 0.03
     pixels = json.loads(json.dumps(solution.report(), allow_nan=False))["pixels"]
     assert (pixels["walls"], pixels["walls_solved"]) == (walls.sum(), walls.sum())
-    np.testing.assert_array_equal(solution.confidence().doubts["on a wall"], walls)
+    np.testing.assert_array_equal(solution.confidence().unreliable["on a wall"], walls)
     assert np.isfinite(solution.confidence().slope_error).all()
     mesh = solution.mesh()
     assert mesh.edges_unique_length.max() < 0.15
@@ -320,9 +325,9 @@ def test_solutions_have_depth_on_walls(name: str, kind: str) -> None:
         [image, image], camera, walls=[walls, None], known_depth=[known, known], **keywords
     )
     np.testing.assert_array_equal(again.depth, solution.depth)
-    np.testing.assert_array_equal(again.cuts.right, solution.cuts.right)  # type: ignore[union-attr] # walls were given
-    assert (bare.walls, bare.cuts) == (None, None)
-    assert "on a wall" not in bare.confidence().doubts
+    np.testing.assert_array_equal(again.discontinuities.right, solution.discontinuities.right)  # type: ignore[union-attr] # walls were given
+    assert (bare.walls, bare.discontinuities) == (None, None)
+    assert "on a wall" not in bare.confidence().unreliable
 
 
 def test_what_walls_enclose_without_a_known_depth_stays_unreached() -> None:
@@ -361,7 +366,7 @@ def test_relief_has_no_facet_across_a_cut(monkeypatch: pytest.MonkeyPatch, tmp_p
         front = np.hypot(*(np.mgrid[:size, :size] - size / 2.1)) < size / 3.3
         camera, depth = ps.Camera(float(size)), np.where(front, 1.0, 2.0)
         drawn.clear()
-        pictures.relief_picture(tmp_path / "relief.png", depth, camera, cuts=jumps(front))
+        pictures.relief_picture(tmp_path / "relief.png", depth, camera, discontinuities=jumps(front))
         (facets,) = drawn
         assert np.ptp(facets[..., 2], axis=1).max() == 0.0
         crossed = 4.0 * 2 * size / 3.3 / step_width
@@ -371,15 +376,18 @@ def test_relief_has_no_facet_across_a_cut(monkeypatch: pytest.MonkeyPatch, tmp_p
 def test_cuts_of_another_size_are_refused() -> None:
     depth = np.ones((5, 6))
     for wrong, message in (
-        (Cuts.none((6, 5)), r"cuts.right is bool of shape \(6, 4\): give bool of shape \(5, 5\)"),
-        (Cuts(np.zeros((5, 5), bool), np.zeros((4, 6))), r"cuts.down is float64 of shape \(4, 6\)"),  # type: ignore[arg-type]
+        (Discontinuities.none((6, 5)), r"discontinuities.right is bool of shape \(6, 4\): give bool of shape \(5, 5\)"),
+        (
+            Discontinuities(np.zeros((5, 5), bool), np.zeros((4, 6))),  # type: ignore[arg-type]
+            r"discontinuities.down is float64 of shape \(4, 6\)",
+        ),
     ):
         for use in (
             lambda: surface.log_depth_gradient(depth, CAMERA, wrong),  # noqa: B023 # called at once
             lambda: surface.normals(depth, CAMERA, wrong),  # noqa: B023
-            lambda: surface.mesh(depth, CAMERA, cuts=wrong),  # noqa: B023
-            lambda: ps.render(depth, CAMERA, cuts=wrong),  # noqa: B023
-            lambda: pictures.relief_picture("never.png", depth, CAMERA, cuts=wrong),  # noqa: B023
+            lambda: surface.mesh(depth, CAMERA, discontinuities=wrong),  # noqa: B023
+            lambda: ps.render(depth, CAMERA, discontinuities=wrong),  # noqa: B023
+            lambda: pictures.relief_picture("never.png", depth, CAMERA, discontinuities=wrong),  # noqa: B023
         ):
             with pytest.raises(ps.InputError, match=message):
                 use()
@@ -393,7 +401,7 @@ def test_the_bunny(turn: float, width: int, most_wrong: float, light: Light) -> 
     walls = scene.walls
     assert walls is not None
     walls = walls if width == 1 else scene.mask & (np.max(around(walls.astype(float), 0.0), axis=0) > 0)
-    found, cuts = filled(scene.depth, scene.image, walls)
+    found, discontinuities = filled(scene.depth, scene.image, walls)
     # Of what is beside a wall the nearest and the farthest; where they hardly differ there is no wrong side.
     beside = np.where(scene.mask, scene.depth, np.nan)
     near, far = (
@@ -405,7 +413,9 @@ def test_the_bunny(turn: float, width: int, most_wrong: float, light: Light) -> 
     assert jumping.sum() > 100
     assert (error > 0.5 * (far - near))[jumping].mean() <= most_wrong
     assert np.median(error[walls]) < 0.006
-    np.testing.assert_array_equal(np.isfinite(surface.normals(found, scene.camera, cuts)[..., 0]), scene.mask)
+    np.testing.assert_array_equal(
+        np.isfinite(surface.normals(found, scene.camera, discontinuities)[..., 0]), scene.mask
+    )
 
 
 def around(values: Array, outside: float) -> list[Array]:

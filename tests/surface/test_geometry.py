@@ -11,7 +11,7 @@ from persfs_cl import blocks
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.surface.geometry import Cuts, log_depth_gradient, mesh, normals, points
+from persfs_cl.surface.geometry import Discontinuities, log_depth_gradient, mesh, normals, points
 
 SQUARE = (100.0, 100.0)
 OBLONG = (70.0, 130.0)
@@ -231,11 +231,17 @@ def test_a_colour_that_does_not_fit_is_refused(colour: NDArray[np.generic]) -> N
 def test_nothing_shows_where_a_block_of_rows_ends(shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     camera, depth = a_camera(), rough_depth(holed(shape, 0.2))
     random = np.random.default_rng(4)
-    cuts = Cuts(random.random((shape[0], shape[1] - 1)) < 0.2, random.random((shape[0] - 1, shape[1])) < 0.2)
+    discontinuities = Discontinuities(
+        random.random((shape[0], shape[1] - 1)) < 0.2, random.random((shape[0] - 1, shape[1])) < 0.2
+    )
 
     def found() -> list[Array]:
-        faces = mesh(depth, camera, cuts=cuts).faces
-        return [*log_depth_gradient(depth, camera, cuts), normals(depth, camera, cuts), np.unique(faces, axis=0)]
+        faces = mesh(depth, camera, discontinuities=discontinuities).faces
+        return [
+            *log_depth_gradient(depth, camera, discontinuities),
+            normals(depth, camera, discontinuities),
+            np.unique(faces, axis=0),
+        ]
 
     whole = found()
     monkeypatch.setattr(blocks, "_PIXELS", 2 * shape[1])

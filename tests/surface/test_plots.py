@@ -215,8 +215,8 @@ def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Dr
     dark, shiny, never = np.zeros((3, 3, 4), dtype=bool)
     dark[1] = shiny[1:, 2:] = True
     never[1, 0] = True
-    doubts = {"dark": dark, "shiny": shiny, "also dark": never}
-    plots.confidence_picture(tmp_path / "confidence.png", errors, doubts)
+    unreliable = {"dark": dark, "shiny": shiny, "also dark": never}
+    plots.confidence_picture(tmp_path / "confidence.png", errors, unreliable)
     left, right, bar = drawn[0].axes
     assert "θ: angle between normal and light" in bar.get_ylabel()
     np.testing.assert_allclose(np.ma.filled(left.images[0].get_array(), np.nan), 100 * errors)
@@ -229,7 +229,7 @@ def test_confidence_shows_the_first_of_several_reasons(tmp_path: Path, drawn: Dr
 
 
 def test_confidence_refuses_maps_that_do_not_fit(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"doubts\['dark'\] has shape \(2, 2\)"):
+    with pytest.raises(InputError, match=r"unreliable\['dark'\] has shape \(2, 2\)"):
         plots.confidence_picture(tmp_path / "a.png", np.ones((3, 4)), {"dark": np.ones((2, 2), dtype=bool)})
     with pytest.raises(InputError, match=r"slope_error has shape \(3,\)"):
         plots.confidence_picture(tmp_path / "a.png", np.ones(3), {})

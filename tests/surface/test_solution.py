@@ -66,10 +66,10 @@ def test_it_travels_to_other_processes(solution: ps.Solution) -> None:
 def test_the_rendered_surface_resembles_the_image(solution: ps.Solution) -> None:
     rendered = solution.render()
     assert (np.isnan(rendered) == ~solution.solved).all()
-    errors = solution.grey_errors()
+    errors = solution.residual()
     assert errors.mean == pytest.approx(255 * np.nanmean(np.abs(np.clip(rendered, 0, 1) - solution.image)), rel=1e-6)
     assert errors.mean < 6.0
-    shifted = solution.grey_errors(solution.image + 2.0)
+    shifted = solution.residual(solution.image + 2.0)
     assert shifted.mean == pytest.approx(255 * np.nanmean(solution.image + 2.0 - np.clip(rendered, 0, 1)), rel=1e-6)
 
 
@@ -85,7 +85,7 @@ def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
     assert report["device"]["name"] == solution.device.name
     assert report["versions"]["persfs-cl"] == ps.__version__
     assert 0 < report["seconds"]["kernels"] < report["seconds"]["total"]
-    assert report["grey_levels"]["mean_error"] == pytest.approx(solution.grey_errors().mean)
+    assert report["grey_levels"]["mean_error"] == pytest.approx(solution.residual().mean)
     assert report["parameters"]["principal_point"] == [24.5, 19.5]
 
 
@@ -131,12 +131,12 @@ def test_doubts_are_counted_after_those_of_the_solver(solution: ps.Solution) -> 
     shadow[:3] = True
     paint[2:4] = True
     confidence = solution.confidence({"shadow": shadow, "paint": paint})
-    assert list(confidence.doubts) == ["unreached", "clamped", "shadow", "paint"]
+    assert list(confidence.unreliable) == ["unreached", "clamped", "shadow", "paint"]
     report = solution.report({"shadow": shadow, "paint": paint})["confidence"]
     assert report == json.loads(json.dumps(confidence.report(), allow_nan=False))
     assert report["doubtful_pixels"] == {"unreached": 0, "clamped": 0, "shadow": 150, "paint": 100, "any": 200}
     assert report["slope_error"]["median"] == pytest.approx(np.nanmedian(confidence.slope_error))
-    with pytest.raises(ps.InputError, match=r"doubts\['shadow'\] is bool of shape \(3, 50\)"):
+    with pytest.raises(ps.InputError, match=r"unreliable\['shadow'\] is bool of shape \(3, 50\)"):
         solution.confidence({"shadow": shadow[:3]})
 
 
@@ -281,14 +281,14 @@ def test_the_smallest_surfaces_can_be_saved(shape: tuple[int, int], count: int, 
 
 def test_what_is_compared_and_doubted_is_checked(solution: ps.Solution) -> None:
     with pytest.raises(ps.InputError, match=r"photo has shape \(3,\)"):
-        solution.grey_errors(np.ones(3))
+        solution.residual(np.ones(3))
     with pytest.raises(ps.InputError, match=r"photo goes up to 1e\+308"):
-        solution.grey_errors(np.full(solution.depth.shape, 1e308))
+        solution.residual(np.full(solution.depth.shape, 1e308))
     with pytest.raises(ps.InputError, match="photo is no array"):
-        solution.grey_errors([[1.0], [2.0, 3.0]])  # type: ignore[arg-type]
-    for doubts in (3.0, np.ones((40, 50), bool)):
+        solution.residual([[1.0], [2.0, 3.0]])  # type: ignore[arg-type]
+    for unreliable in (3.0, np.ones((40, 50), bool)):
         with pytest.raises(ps.InputError, match="no mapping"):
-            solution.confidence(doubts)  # type: ignore[arg-type]
+            solution.confidence(unreliable)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("black", [0.0, np.nan, np.inf, 1e308])

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from persfs_cl._cl.orderings.choices import checkerboard, wavefront
 from persfs_cl._cl.orderings.lexicographic import Lexicographic
-from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.ordering import Ordering, Setup
 from persfs_cl.checks import check_choice
 
-ORDERINGS: dict[str, Callable[[Workload], Ordering]] = {
+ORDERINGS: dict[str, Callable[[Setup], Ordering]] = {
     "wavefront": wavefront,
     "checkerboard": checkerboard,
     "lexicographic": Lexicographic.of,
@@ -17,7 +17,7 @@ ORDERINGS: dict[str, Callable[[Workload], Ordering]] = {
 """By what users type, what chooses a class, and its sizes, for images and a device."""
 
 
-def ordering_for(name: str, workload: Workload) -> Ordering:
+def ordering_for(name: str, setup: Setup) -> Ordering:
     """The ordering of that name as it suits images and a device.
 
     Raises
@@ -26,4 +26,4 @@ def ordering_for(name: str, workload: Workload) -> Ordering:
         When there is none of that name.
     """
     check_choice("ordering", name, tuple(ORDERINGS))
-    return ORDERINGS[name](workload)
+    return ORDERINGS[name](setup)

@@ -11,7 +11,7 @@ import os
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
-from persfs_cl._cl.orderings.ordering import Ordering, Workload
+from persfs_cl._cl.orderings.ordering import Ordering, Setup
 from persfs_cl._cl.orderings.strips import Strips
 from persfs_cl._cl.orderings.three_colours import ThreeColours
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
@@ -27,35 +27,35 @@ _SMALL_PIXELS = 2**16
 """Up to this size a second processor saves less than working together costs."""
 
 
-def wavefront(workload: Workload) -> Ordering:
+def wavefront(setup: Setup) -> Ordering:
     """Strips, whole images or tiles."""
-    wide, groups, pixels = _resources(workload)
+    wide, groups, pixels = _resources(setup)
     if wide == 1:
-        return WavefrontTiles.of(workload)
+        return WavefrontTiles.of(setup)
     kind: type[Strips] = WavefrontStrips
-    if pixels <= _SMALL_PIXELS or (workload.images >= groups and pixels <= _CACHED_PIXELS):
-        kind, groups = WavefrontImages, min(workload.images, groups)
-    order = {"second_order": workload.second_order, "only_lower": workload.only_lower}
+    if pixels <= _SMALL_PIXELS or (setup.images >= groups and pixels <= _CACHED_PIXELS):
+        kind, groups = WavefrontImages, min(setup.images, groups)
+    order = {"second_order": setup.second_order, "only_lower": setup.only_lower}
     return kind(wide, work_groups=groups, **order)
 
 
-def checkerboard(workload: Workload) -> Ordering:
+def checkerboard(setup: Setup) -> Ordering:
     """Bands or single colours; at second order a third colour."""
-    if workload.second_order:
-        return ThreeColours.of(workload)
-    wide, groups, pixels = _resources(workload)
+    if setup.second_order:
+        return ThreeColours.of(setup)
+    wide, groups, pixels = _resources(setup)
     if wide == 1:
         return Checkerboard()
     if pixels <= _SMALL_PIXELS:
-        groups = min(workload.images, groups)
-    return CheckerboardBands(wide, band_rows=-(-_BAND_PIXELS // workload.shape[1]), work_groups=groups)
+        groups = min(setup.images, groups)
+    return CheckerboardBands(wide, band_rows=-(-_BAND_PIXELS // setup.shape[1]), work_groups=groups)
 
 
-def _resources(workload: Workload) -> tuple[int, int, int]:
+def _resources(setup: Setup) -> tuple[int, int, int]:
     """Cells of a vector, work-groups that have a processor each, and pixels of an image."""
-    wide = lanes(workload.device, workload.precision)
+    wide = lanes(setup.device, setup.precision)
     # A group that waits keeps its processor: more groups than processors would only be in each other's way.
-    return wide, _processors(workload.device), workload.shape[0] * workload.shape[1]
+    return wide, _processors(setup.device), setup.shape[0] * setup.shape[1]
 
 
 def _processors(device: Device) -> int:

@@ -20,7 +20,7 @@ Self = TypeVar("Self", bound="Ordering")
 
 
 @dataclass(frozen=True)
-class Workload:
+class Setup:
     """What an ordering is to be chosen for: images of one size on a device.
 
     Attributes
@@ -92,9 +92,9 @@ class Ordering:
     only_lower: bool = False
 
     @classmethod
-    def of(cls: type[Self], workload: Workload) -> Self:
+    def of(cls: type[Self], setup: Setup) -> Self:
         """With the usual sizes."""
-        return cls(second_order=workload.second_order, only_lower=workload.only_lower)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower)
 
     @property
     def kernels(self) -> tuple[str, ...]:

@@ -213,7 +213,7 @@ def comparison_picture(
 
 
 def confidence_picture(
-    path: FilePath, slope_error: ArrayLike, doubts: Mapping[str, NDArray[np.bool_]], title: str = "Confidence"
+    path: FilePath, slope_error: ArrayLike, unreliable: Mapping[str, NDArray[np.bool_]], title: str = "Confidence"
 ) -> None:
     """Draw how much the slope suffers from errors of the brightness, and beside it which pixels are in doubt and why.
 
@@ -223,14 +223,14 @@ def confidence_picture(
         The PNG file to write.
     slope_error : array_like, shape (height, width)
         Change of the slope for a change of the brightness by 1 %, above 0; NaN where there is no surface.
-    doubts : mapping of str to ndarray of bool, shape (height, width)
+    unreliable : mapping of str to ndarray of bool, shape (height, width)
         Pixels by reason, at most 8; of several reasons the first is drawn, and counted.
     title : str
 
     Raises
     ------
     InputError
-        When ``slope_error`` is NaN everywhere or no image, or a map of ``doubts`` has another shape.
+        When ``slope_error`` is NaN everywhere or no image, or a map of ``unreliable`` has another shape.
 
     Examples
     --------
@@ -255,12 +255,14 @@ def confidence_picture(
         raise InputError(f"slope_error has shape {errors.shape}: give one number a pixel, (height, width).")
     require_finite("slope_error", errors)
     classes = np.where(np.isfinite(errors), 0.0, np.nan)
-    labels = ["none", *doubts]
+    labels = ["none", *unreliable]
     # Backwards, so that the first of several reasons is on top.
     for number, reason in reversed(list(enumerate(labels))[1:]):
-        pixels = doubts[reason]
+        pixels = unreliable[reason]
         if pixels.shape != errors.shape:
-            raise InputError(f"doubts[{reason!r}] has shape {pixels.shape}: give that of slope_error, {errors.shape}.")
+            raise InputError(
+                f"unreliable[{reason!r}] has shape {pixels.shape}: give that of slope_error, {errors.shape}."
+            )
         classes[pixels] = number
     colours = (_NOTHING_DOUBTFUL, *_REASONS)
     patches = [

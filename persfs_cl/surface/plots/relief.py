@@ -31,7 +31,7 @@ def relief_picture(
     *,
     unit: str = UNIT,
     white: float = 1.0,
-    cuts: surface.Cuts | None = None,
+    discontinuities: surface.Discontinuities | None = None,
     normals: ArrayLike | None = None,
 ) -> None:
     """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
@@ -54,7 +54,7 @@ def relief_picture(
         Unit of the depth, for the note on the scale.
     white : float
         The brightness of the photograph that is shown as white.
-    cuts : Cuts, optional
+    discontinuities : Discontinuities, optional
         Where the surface is interrupted; no facet is drawn across.
     normals : array_like, shape (height, width, 3), optional
         Those of `persfs_cl.surface.geometry.normals`, where they are at hand.
@@ -62,8 +62,8 @@ def relief_picture(
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map or is NaN everywhere, or when ``image``, ``normals`` or ``cuts`` has another
-        shape.
+        When ``depth`` is not a depth map or is NaN everywhere, or when ``image``, ``normals`` or ``discontinuities``
+        has another shape.
 
     Examples
     --------
@@ -88,7 +88,9 @@ def relief_picture(
     grey = None if image is None else np.asarray(image, dtype=np.float64)
     if grey is not None and grey.shape != shape:
         raise InputError(f"image has shape {grey.shape}: give a grey image of the depth's shape {shape}.")
-    facing = surface.normals(depth, camera, cuts) if normals is None else np.asarray(normals, dtype=np.float64)
+    facing = (
+        surface.normals(depth, camera, discontinuities) if normals is None else np.asarray(normals, dtype=np.float64)
+    )
     if facing.shape != (*shape, 3):
         raise InputError(f"normals has shape {facing.shape}: give those of the depth, {(*shape, 3)}.")
 
@@ -97,9 +99,9 @@ def relief_picture(
     step = 1 + max(np.ptp(rows), np.ptp(columns)) // _RELIEF_SAMPLES
     sampled = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
     whole = _corners(finite[sampled]).all(axis=2)
-    if cuts is not None:
-        cuts.check(shape)
-        whole &= ~_interrupted(cuts, sampled)
+    if discontinuities is not None:
+        discontinuities.check(shape)
+        whole &= ~_interrupted(discontinuities, sampled)
 
     def facets_of(values: Array) -> Array:
         return _corners(values[sampled])[whole] if whole.any() else values[finite][:, None]
@@ -136,11 +138,11 @@ def _corners(samples: NDArray[Any]) -> NDArray[Any]:
     return np.stack([samples[:-1, :-1], samples[1:, :-1], samples[1:, 1:], samples[:-1, 1:]], axis=2)
 
 
-def _interrupted(cuts: surface.Cuts, sampled: tuple[slice, slice]) -> NDArray[np.bool_]:
+def _interrupted(discontinuities: surface.Discontinuities, sampled: tuple[slice, slice]) -> NDArray[np.bool_]:
     """Squares of samples with a cut anywhere along one of their four sides."""
-    # Cuts before each pixel of its row or column: between two samples there are some where the numbers differ.
-    along_rows = np.pad(np.cumsum(cuts.right, axis=1), ((0, 0), (1, 0)))[sampled]
-    along_columns = np.pad(np.cumsum(cuts.down, axis=0), ((1, 0), (0, 0)))[sampled]
+    # How many there are before each pixel of its row or column: between two samples some lie where the numbers differ.
+    along_rows = np.pad(np.cumsum(discontinuities.right, axis=1), ((0, 0), (1, 0)))[sampled]
+    along_columns = np.pad(np.cumsum(discontinuities.down, axis=0), ((1, 0), (0, 0)))[sampled]
     across, downwards = np.diff(along_rows, axis=1) > 0, np.diff(along_columns, axis=0) > 0
     return np.asarray(across[:-1] | across[1:] | downwards[:, :-1] | downwards[:, 1:])
 

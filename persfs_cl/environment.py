@@ -1,4 +1,4 @@
-"""Under what circumstances something was measured: device, driver, versions, processor, date."""
+"""Under what environment something was measured: device, driver, versions, processor, date."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from persfs_cl._cl.device import Device
 _PACKAGES = ("persfs-cl", "numpy", "pyopencl", "pocl-binary-distribution", "numba", "scikit-fmm", "pymeshfix")
 
 
-def circumstances(device: Device, command: str) -> dict[str, Any]:
+def environment(device: Device, command: str) -> dict[str, Any]:
     """Everything that a figure should name.
 
     Parameters
@@ -45,7 +45,7 @@ def circumstances(device: Device, command: str) -> dict[str, Any]:
 
 
 def summary(header: Mapping[str, Any]) -> str:
-    """The circumstances in two lines, for the foot of a plot and the head of a table."""
+    """The environment in two lines, for the foot of a plot and the head of a table."""
     device, versions = header["device"], header["versions"]
     packages = ", ".join(f"{name} {number}" for name, number in versions.items())
     platform_version = device["platform_version"].partition(",")[0]  # PoCL goes on with how it was built

@@ -31,7 +31,7 @@ _FLAGS = ("-O3", "-ffp-contract=off", "-shared", "-fPIC")
 
 
 @dataclass
-class Peer:
+class Baseline:
     """A sweep by other means, and its own copy of the values.
 
     Attributes
@@ -54,7 +54,7 @@ class Peer:
             self.sweep(number % 4)
 
 
-def plain_c(image: Image, precision: str) -> Peer:
+def plain_c(image: Image, precision: str) -> Baseline:
     """The plain double loop in C, compiled on the spot.
 
     Parameters
@@ -74,10 +74,10 @@ def plain_c(image: Image, precision: str) -> Peer:
     def sweep(number: int) -> None:
         function(*(array.ctypes.data for array in arrays), *arrays[0].shape, *DIRECTIONS[number])
 
-    return Peer(arrays[0], sweep, detail)
+    return Baseline(arrays[0], sweep, detail)
 
 
-def numba_loop(image: Image, precision: str) -> Peer:
+def numba_loop(image: Image, precision: str) -> Baseline:
     """The same double loop in Python, compiled by numba.
 
     Raises
@@ -93,13 +93,15 @@ def numba_loop(image: Image, precision: str) -> Peer:
     def sweep(number: int) -> None:
         function(*arrays, *DIRECTIONS[number], one, half)
 
-    return Peer(arrays[0], sweep, detail)
+    return Baseline(arrays[0], sweep, detail)
 
 
-def numpy_diagonals(problem: Problem) -> Peer:
+def numpy_diagonals(problem: Problem) -> Baseline:
     """The twin in NumPy, float64, one anti-diagonal at a time."""
-    judge = Reference.of(problem)
-    return Peer(judge.log_depth, lambda number: judge.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64")
+    measure = Reference.of(problem)
+    return Baseline(
+        measure.log_depth, lambda number: measure.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64"
+    )
 
 
 def _arrays(image: Image, precision: str) -> list[NDArray[np.floating]]:

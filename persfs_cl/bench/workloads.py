@@ -26,7 +26,7 @@ _NEVER = -1.0
 
 
 @dataclass(frozen=True)
-class Subject:
+class Workload:
     """Something to be timed.
 
     Attributes
@@ -91,7 +91,7 @@ def sweeper(
     )
 
 
-def iterations(name: str, sweeps: Sweeper, problem: Problem) -> Subject:
+def iterations(name: str, sweeps: Sweeper, problem: Problem) -> Workload:
     """Whole iterations on images like this one, queued as when solving: four sweeps and the search for the change."""
 
     def work(count: int) -> float:
@@ -99,19 +99,19 @@ def iterations(name: str, sweeps: Sweeper, problem: Problem) -> Subject:
         sweeps.run(max(1, count // 4))
         return sweeps.kernel_seconds - before
 
-    return _subject(name, work, sweeps, problem, step=4 * sweeps.queued_at_least)
+    return _workload(name, work, sweeps, problem, step=4 * sweeps.queued_at_least)
 
 
-def sweeps_alone(name: str, device: Device, sweeps: Sweeper, problem: Problem) -> Subject:
+def sweeps_alone(name: str, device: Device, sweeps: Sweeper, problem: Problem) -> Workload:
     """Sweeps of images like this one, in all four directions in turn, and nothing else."""
 
     def work(count: int) -> float:
         return device_seconds(device, lambda: [sweeps.sweep_in_turn() for _ in range(count // 4)])
 
-    return _subject(name, work, sweeps, problem, step=4)
+    return _workload(name, work, sweeps, problem, step=4)
 
 
-def _subject(name: str, work: Work, sweeps: Sweeper, problem: Problem, *, step: int) -> Subject:
+def _workload(name: str, work: Work, sweeps: Sweeper, problem: Problem, *, step: int) -> Workload:
     like_plain_c = problem.scheme == LaxFriedrichs()
     cells = swept_cells(problem) * sweeps.count
-    return Subject(name, work, cells, str(sweeps.ordering), step=step, like_plain_c=like_plain_c)
+    return Workload(name, work, cells, str(sweeps.ordering), step=step, like_plain_c=like_plain_c)

@@ -22,7 +22,7 @@ Judge = Callable[[Array], Errors]
 
 
 @dataclass(frozen=True)
-class Course:
+class History:
     """Errors and times after some numbers of iterations.
 
     Attributes
@@ -43,9 +43,9 @@ class Course:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A course, and the depth map at its end."""
+    """A history, and the depth map at its end."""
 
-    course: Course
+    history: History
     depth: Array
 
 
@@ -54,25 +54,25 @@ def told(scene: Scene) -> dict[str, Any]:
     return {"mask": scene.mask, "known_depth": scene.known_depth, "surface": scene.surface}
 
 
-def followed(depths: Iterable[Array], judge: Judge, iterations: Sequence[int]) -> Outcome:
+def followed(depths: Iterable[Array], measure: Judge, iterations: Sequence[int]) -> Outcome:
     """Errors of the depth maps after some numbers of iterations, the first map being that after one."""
     errors = []
     for number, depth in enumerate(itertools.islice(depths, iterations[-1]), 1):
         if number in iterations:
-            errors.append(judge(depth))
-    return Outcome(_course(iterations, errors), depth)
+            errors.append(measure(depth))
+    return Outcome(_history(iterations, errors), depth)
 
 
 def sweeping(
-    image: Array, camera: Camera, judge: Judge, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
+    image: Array, camera: Camera, measure: Judge, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
 ) -> Outcome:
-    """The course of :func:`persfs_cl.reconstruct`, run anew for each number of iterations.
+    """The history of :func:`persfs_cl.reconstruct`, run anew for each number of iterations.
 
     Parameters
     ----------
     image, camera
         As for :func:`persfs_cl.reconstruct`.
-    judge : callable
+    measure : callable
     iterations : sequence of int
         Ascending. A run that has come to rest before stays as it is.
     repeats : int
@@ -84,21 +84,21 @@ def sweeping(
     for number in iterations:
         run = partial(reconstruct, image, camera, max_iterations=number, tolerance=0.0, **keywords)
         depth = run().depth
-        errors.append(judge(depth))
+        errors.append(measure(depth))
         times.append([_seconds(run) for _ in range(repeats)])
-    return Outcome(_course(iterations, errors, times if repeats else None), depth)
+    return Outcome(_history(iterations, errors, times if repeats else None), depth)
 
 
 def marching(
-    image: Array, camera: Camera, judge: Judge, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
+    image: Array, camera: Camera, measure: Judge, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
 ) -> Outcome:
-    """The course of :func:`persfs_cl.paper.tankus.iterations`, with parameters as for :func:`sweeping`."""
+    """The history of :func:`persfs_cl.paper.tankus.iterations`, with parameters as for :func:`sweeping`."""
 
     def depths() -> Iterator[Array]:
         for iterate in tankus.iterations(image, camera, **keywords):
             yield iterate.depth
 
-    outcome = followed(depths(), judge, iterations)
+    outcome = followed(depths(), measure, iterations)
     if not repeats:
         return outcome
     times: list[list[float]] = [[] for _ in iterations]
@@ -107,11 +107,13 @@ def marching(
         for number, _depth in enumerate(itertools.islice(depths(), iterations[-1]), 1):
             if number in iterations:
                 times[iterations.index(number)].append(time.perf_counter() - began)
-    return replace(outcome, course=replace(outcome.course, seconds=_medians(times)))
+    return replace(outcome, history=replace(outcome.history, seconds=_medians(times)))
 
 
-def _course(iterations: Sequence[int], errors: Sequence[Errors], times: Sequence[list[float]] | None = None) -> Course:
-    return Course(
+def _history(
+    iterations: Sequence[int], errors: Sequence[Errors], times: Sequence[list[float]] | None = None
+) -> History:
+    return History(
         tuple(iterations),
         tuple(error.mean for error in errors),
         tuple(error.root_mean_square for error in errors),
