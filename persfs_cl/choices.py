@@ -6,5 +6,4 @@ from typing import Literal
 
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
-Scheme = Literal["auto", "lax-friedrichs", "upwind"]
 Precision = Literal["float32", "float64"]

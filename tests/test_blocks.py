@@ -33,7 +33,7 @@ def test_neighbours_of_some_rows_are_those_of_all(seed: int, height: int, width:
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
 def test_the_size_of_blocks_does_not_matter(
     light: ps.ParallelLight | ps.FlashLight,
-    scheme: ps.choices.Scheme,
+    scheme: str,
     ordering: str,
     device: ps.Device,
     monkeypatch: pytest.MonkeyPatch,

@@ -230,7 +230,7 @@ def _explained(plan: Plan, experiment: str, name: str, scene: Scene) -> list[Rec
 def _solved(plan: Plan, scene: Scene, **keywords: Any) -> ps.Solution:
     """What the solver makes of the photograph; under a parallel light it is told the known depths."""
     given: dict[str, Any] = {"light": scene.light, "reflectance": scene.reflectance}
-    if not isinstance(scene.light, ps.FlashLight):
+    if scene.light.flat_rim:
         given |= {"known_depth": scene.known_depth, "surface": scene.surface}
     options = {**given, "device": plan.device, "precision": plan.precision, **keywords}
     return ps.reconstruct(scene.image, scene.camera, **options)

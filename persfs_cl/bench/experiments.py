@@ -26,7 +26,6 @@ from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
 from persfs_cl.bench.solutions import small_image, solutions
 from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
-from persfs_cl.choices import Scheme
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]
 
@@ -182,9 +181,9 @@ def _iterations(plan: Plan, size: int, orderings: Sequence[str], *, images: int 
     return workloads
 
 
-def _named(workload: str, scheme: Scheme) -> str:
+def _named(workload: str, scheme: str) -> str:
     """What a workload is called: the scheme is told where it is not that of the plain C sweep."""
-    return workload if scheme == "lax-friedrichs" else f"{workload}, {scheme}"
+    return workload if scheme == SCHEMES[0] else f"{workload}, {scheme}"
 
 
 EXPERIMENTS: dict[str, Experiment] = {

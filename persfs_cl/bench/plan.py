@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl._cl.registers import LANES, lanes
-from persfs_cl.choices import Precision, Scheme
+from persfs_cl.choices import Precision
+from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
+from persfs_cl.solver.schemes.upwind import Upwind
 
 STANDARD_SIZES = (128, 256, 512, 1024, 2048, 4096)
 _STANDARD_SIZE = 2048
-SCHEMES: tuple[Scheme, ...] = ("lax-friedrichs", "upwind")
+SCHEMES = (LaxFriedrichs.name, Upwind.name)
 _BAND_PIXELS = (2**11, 2**13)
 
 
@@ -45,7 +47,7 @@ class Plan:
     sizes: tuple[int, ...] | None = None
     batch: tuple[int, ...] = (1, 4, 16, 64)
     orderings: tuple[str, ...] = tuple(ORDERINGS)
-    schemes: tuple[Scheme, ...] | None = None
+    schemes: tuple[str, ...] | None = None
     precision: Precision = "float32"
     repeats: int = 5
     least_seconds: float = 0.05
@@ -64,7 +66,7 @@ class Plan:
         sizes = self.edges((wanted,))
         return max((size for size in sizes if size <= wanted), default=min(sizes))
 
-    def schemes_or(self, usual: tuple[Scheme, ...] = SCHEMES[:1]) -> tuple[Scheme, ...]:
+    def schemes_or(self, usual: tuple[str, ...] = SCHEMES[:1]) -> tuple[str, ...]:
         """The schemes asked for, or else the usual ones."""
         return self.schemes or usual
 

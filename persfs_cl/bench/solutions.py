@@ -16,6 +16,8 @@ from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.timing import Timing, take_turns
 from persfs_cl.errors import UnavailableError
+from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
+from persfs_cl.solver.schemes.upwind import Upwind
 
 TIME = "time"
 FAST_MARCHING = "scikit-fmm"
@@ -63,9 +65,9 @@ def solutions(plan: Plan) -> Iterator[list[Record]]:
         scene = ps.bump((size, size))
         solvers: dict[str, Solver] = {}
         schemes = plan.schemes_or(SCHEMES)
-        if "upwind" in schemes:
-            solvers["upwind"] = partial(_reconstruct, plan, scene, "wavefront", scheme="upwind")
-        if "lax-friedrichs" in schemes and size <= plan.size(_LARGEST_LAX_FRIEDRICHS):
+        if Upwind.name in schemes:
+            solvers[Upwind.name] = partial(_reconstruct, plan, scene, "wavefront", scheme=Upwind.name)
+        if LaxFriedrichs.name in schemes and size <= plan.size(_LARGEST_LAX_FRIEDRICHS):
             solvers |= {
                 ordering: partial(_reconstruct, plan, scene, ordering)
                 for ordering in plan.orderings

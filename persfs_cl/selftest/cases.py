@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from persfs_cl.choices import Boundary, Precision, Scheme, Surface
+from persfs_cl.choices import Boundary, Precision, Surface
 from persfs_cl.selftest.scenes import EVEN, FLASH, FRONTAL, LAMP, OBLIQUE
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
@@ -53,7 +53,7 @@ class Case:
     ordering: str = ""
     light: str = "oblique light"
     material: str = "Lambertian"
-    scheme: Scheme = "lax-friedrichs"
+    scheme: str = "lax-friedrichs"
     surface: Surface = "away"
     boundary: Boundary = "wall"
 

@@ -19,9 +19,9 @@ from persfs_cl.bench.workloads import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.selftest.cases import Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
-from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
+from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.render import render
 
@@ -124,15 +124,16 @@ class Checks:
         tolerance = TOLERANCES[case.precision]
         sweeper = self._sweeper(case, problem, outcome)
         changes = [self._first_runs(sweeper, outcome), sweeper.run(_STEPS - 2)]
-        if case.scheme == "lax-friedrichs":
+        same_iterates = SCHEMES[case.scheme].same_iterates
+        if same_iterates:
             values = sweeper.log_depth()[0]
             outcome.compare(
                 f"values after {_STEPS} iterations", _apart(values, self._iterated(case, _STEPS)), tolerance
             )
-        if case.scheme == "upwind" or _limit_is_near(case):
+        if not same_iterates or _limit_is_near(case):
             changes += self._to_the_limit(sweeper, case)
             values = sweeper.log_depth()[0]
-            if case.scheme == "lax-friedrichs":
+            if same_iterates:
                 outcome.compare("values in the limit", _apart(values, self._limit(case)), tolerance)
             else:
                 self._compare_upwind_limit(case, outcome, problem, values)
@@ -289,7 +290,7 @@ class Checks:
         coloured = case.ordering == "checkerboard"
         key = replace(case, ordering="checkerboard" if coloured else "wavefront", precision="float64")
         if (key, count) not in self._references:
-            reference = _judge(case)
+            reference = _reference(case)
             for _ in range(count):
                 if not coloured:
                     reference.iterate()
@@ -306,7 +307,7 @@ class Checks:
         """Values of the reference that no longer change, whatever the order of the cells."""
         key = replace(case, ordering="", precision="float64")
         if key not in self._references:
-            reference = _judge(case)
+            reference = _reference(case)
             before = np.full(reference.log_depth.shape, np.inf)
             while (before - reference.log_depth).max() > _ENDS["float64"]:
                 before = reference.log_depth.copy()
@@ -319,12 +320,11 @@ class Checks:
 
 def _limit_is_near(case: Case) -> bool:
     """Whether the limit of the Lax-Friedrichs scheme is one in any order of the cells, and soon reached."""
-    parallel = isinstance(case.light_source, ParallelLight)
-    quickly = case.surface == "toward" and case.material == "Lambertian" if parallel else True
+    quickly = case.surface == "toward" and case.material == "Lambertian" if case.light_source.flat_rim else True
     return case.boundary == "wall" and quickly
 
 
-def _judge(case: Case) -> Reference:
+def _reference(case: Case) -> Reference:
     shape = SMALL if case.kind == "sweeps" else LARGE
     problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=shape)
     return Reference.of(problem, linear=case.boundary == "extrapolate")

@@ -1,4 +1,7 @@
-"""A point light at the camera or near it: a flash, a torch, the lamp of an endoscope."""
+"""A point light at the camera or near it: a flash, a torch, the lamp of an endoscope; and the models that it makes.
+
+All of them in one file, since the light makes the models, and each model reads the light.
+"""
 
 from __future__ import annotations
 

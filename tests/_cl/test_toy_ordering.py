@@ -95,7 +95,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_new_ordering_is_there_for_users(
     device: ps.Device,
     precision: ps.choices.Precision,
-    scheme: ps.choices.Scheme,
+    scheme: str,
     boundary: ps.choices.Boundary,
     order: int,
 ) -> None:

@@ -42,6 +42,8 @@ class Scheme(ABC):
         What may hold on the edge of the image and mask.
     highest_order : int
         Of accuracy.
+    same_iterates : bool
+        Whether kernels and reference have the same values after each sweep, and not only in the limit.
     outside : float or None
         Value of cells that are not there, for schemes that only want it to be high; None for those that treat cells
         apart which lack a neighbour.
@@ -50,6 +52,7 @@ class Scheme(ABC):
     name: ClassVar[str]
     boundaries: ClassVar[tuple[str, ...]]
     highest_order: ClassVar[int] = 1
+    same_iterates: ClassVar[bool] = True
     outside: ClassVar[float | None] = None
 
     @abstractmethod

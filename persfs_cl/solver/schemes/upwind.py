@@ -24,6 +24,7 @@ class Upwind(Scheme):
     name: ClassVar[str] = "upwind"
     boundaries: ClassVar[tuple[str, ...]] = ("fixed", "wall")
     highest_order: ClassVar[int] = 2
+    same_iterates: ClassVar[bool] = False
     outside: ClassVar[float | None] = NOWHERE
 
     def model(self, light: Light, reflectance: Reflectance) -> Model:
