@@ -47,6 +47,8 @@ class Option:
         In the words of the command.
     in_command : bool
         False where the command has another way to say it, or none.
+    in_report : bool
+        Whether a report states it among the parameters, and not elsewhere.
     panel : str
         Under which heading the command lists it.
     choices : callable or None
@@ -63,6 +65,7 @@ class Option:
     least: float | None = None
     most: float | None = None
     in_command: bool = True
+    in_report: bool = True
 
 
 def _one_of(choices: Callable[[], Sequence[str]]) -> Callable[[str, Any], str]:
@@ -98,10 +101,6 @@ def _callback(name: str, value: Any) -> Callback | None:
     return value  # type: ignore[no-any-return] # of what it takes and gives nothing can be known
 
 
-def _truth(name: str, value: Any) -> bool:
-    return as_flag(name, value)
-
-
 def _as_given(_: str, value: Any) -> Any:
     return value
 
@@ -127,9 +126,12 @@ _IS_PRECISION, _PRECISIONS = _words(Precision)
 class Options(TypedDict, total=False):
     """The keywords, each with its :class:`Option`; :func:`persfs_cl.reconstruct` says at length what they mean."""
 
-    light: Annotated[Light, Option(ParallelLight(), lambda _, value: require_light(value), in_command=False)]
+    light: Annotated[
+        Light, Option(ParallelLight(), lambda _, value: require_light(value), in_command=False, in_report=False)
+    ]
     reflectance: Annotated[
-        Reflectance, Option(Lambertian(), lambda _, value: require_reflectance(value), in_command=False)
+        Reflectance,
+        Option(Lambertian(), lambda _, value: require_reflectance(value), in_command=False, in_report=False),
     ]
     surface: Annotated[
         Surface,
@@ -194,24 +196,12 @@ class Options(TypedDict, total=False):
             _as_given,
             "'cpu', 'gpu', a number of 'persfs-cl devices', or part of a name; the first by default.",
             _DEVICE,
+            in_report=False,
         ),
     ]
     precision: Annotated[Precision, Option("float32", _IS_PRECISION, panel=_DEVICE, choices=_PRECISIONS)]
-    callback: Annotated[Callback | None, Option(None, _callback, in_command=False)]
-    throw: Annotated[bool, Option(False, _truth, in_command=False)]
-
-
-_REPORTED = (
-    "surface",
-    "boundary",
-    "scheme",
-    "ordering",
-    "precision",
-    "accuracy_order",
-    "max_iterations",
-    "tolerance",
-    "max_slope",
-)
+    callback: Annotated[Callback | None, Option(None, _callback, in_command=False, in_report=False)]
+    throw: Annotated[bool, Option(False, as_flag, in_command=False, in_report=False)]
 
 
 def described() -> dict[str, tuple[Any, Option]]:
@@ -278,7 +268,7 @@ def complete(given: Options) -> Options:
 def reported(options: Options) -> dict[str, Any]:
     """Those that a report states, as plain values."""
     values = cast("dict[str, Any]", options)
-    return {name: values[name] for name in _REPORTED}
+    return {name: values[name] for name, (_, option) in _DESCRIBED.items() if option.in_report}
 
 
 def with_options(function: _Function) -> _Function:
