@@ -284,7 +284,9 @@ class LampEquation(ParallelEquation):
         return ParallelEquation(cosine, self.x, self.y, light, self.steepest)
 
     def _cosine(self, returned: Array) -> Array:
-        """By bisection; above 1 where more returns than the material can."""
+        """By bisection, where it is not the brightness itself; above 1 where more returns than the material can."""
+        if self.reflectance.perfectly_matt:
+            return returned
         low, high = np.zeros_like(returned), np.ones_like(returned)
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)

@@ -16,6 +16,8 @@ import persfs_cl as ps
 from persfs_cl.choices import Boundary
 from persfs_cl.io.export import write_grey
 from persfs_cl.scenes.scene import Scene
+from persfs_cl.solver import reconstruct as reconstruct_room
+from persfs_cl.solver.problem import Problem
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
 
@@ -400,6 +402,22 @@ def test_a_principal_point_outside_is_solved_with_a_warning_at_the_call() -> Non
         cut = ps.reconstruct(scene.image[part], camera, known_depth=known, tolerance=1e-7)
     assert caught[0].filename == __file__
     np.testing.assert_allclose(cut.depth, whole.depth[part], atol=1e-5)
+
+
+def test_each_image_is_prepared_once_however_many_launches_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual, prepared = reconstruct_room.prepare, []
+
+    def counted(image: NDArray[np.float64], *rest: Any, **keywords: Any) -> Problem:
+        prepared.append(image.shape)
+        return usual(image, *rest, **keywords)
+
+    monkeypatch.setattr(reconstruct_room, "prepare", counted)
+    monkeypatch.setattr(reconstruct_room, "pieces", lambda shapes, *_: [[place] for place in range(len(shapes))])
+    images = [IMAGE, IMAGE[:-1], IMAGE[1:]]
+    apart = ps.reconstruct_batch(images, ps.Camera(30.0))
+    assert prepared == [image.shape for image in images]
+    for image, one in zip(images, apart, strict=True):
+        np.testing.assert_array_equal(one.depth, ps.reconstruct(image, ps.Camera(30.0)).depth)
 
 
 def test_stopping_a_batch_stops_the_images_that_have_not_begun() -> None:
