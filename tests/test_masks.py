@@ -1,0 +1,58 @@
+"""Sets of pixels: rims, missing neighbours, what is connected, and how far apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from persfs_cl.arrays import Mask
+from persfs_cl.masks import connected, missing_neighbours, rim, steps_from
+
+
+def flood_by_steps(seeds: Mask, passable: Mask) -> Mask:
+    """The definition of `connected`, one step of one pixel at a time."""
+    reached = seeds & passable
+    while True:
+        padded = np.pad(reached, 1)
+        beside = padded[1:-1, :-2] | padded[1:-1, 2:] | padded[:-2, 1:-1] | padded[2:, 1:-1]
+        grown = reached | (beside & passable)
+        if (grown == reached).all():
+            return reached
+        reached = grown
+
+
+@given(st.integers(0, 10_000), st.integers(1, 17), st.integers(1, 17), st.floats(0.3, 1.0))
+def test_connected_is_the_flood(seed: int, height: int, width: int, share: float) -> None:
+    random = np.random.default_rng(seed)
+    passable = random.uniform(size=(height, width)) < share
+    seeds = random.uniform(size=(height, width)) < 0.05
+    np.testing.assert_array_equal(connected(seeds, passable), flood_by_steps(seeds, passable))
+
+
+def test_connected_follows_a_spiral() -> None:
+    picture = ["########", "       #", "###### #", "#    # #", "# ## # #", "# #### #", "#      #", "########"]
+    passable = np.array([[character == "#" for character in line] for line in picture])
+    seeds = np.zeros(passable.shape, bool)
+    seeds[0, 0] = True
+    assert connected(seeds, passable)[4, 2], "the innermost pixel lies on the one path"
+
+
+def test_rim_of_a_rectangle_and_of_a_hole() -> None:
+    pixels = np.ones((5, 6), bool)
+    pixels[2, 3] = False
+    edge = np.zeros((5, 6), bool)
+    edge[[0, -1]] = edge[:, [0, -1]] = True
+    edge[1, 3] = edge[3, 3] = edge[2, 2] = edge[2, 4] = True
+    np.testing.assert_array_equal(rim(pixels), edge & pixels)
+
+
+def test_missing_neighbours_of_a_row() -> None:
+    assert missing_neighbours(np.array([[True, True, False, True]])).tolist() == [[2 + 8 + 16, 4 + 8 + 16, 24, 30]]
+
+
+def test_steps_from_counts_the_shortest_way() -> None:
+    passable = np.array([[1, 1, 1], [0, 0, 1], [1, 1, 1]], bool)
+    seeds = np.zeros((3, 3), bool)
+    seeds[0, 0] = True
+    assert steps_from(seeds, passable).tolist() == [[0, 1, 2], [-1, -1, 3], [6, 5, 4]]
