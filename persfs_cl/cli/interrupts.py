@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _TOGETHER = 1.0
 """Seconds. `timeout` sends its signal twice at once, and a closed terminal sends SIGHUP by the shell and by itself."""
 
+_INSISTS = 0.5
+"""Seconds between two interrupts in place of a dropped one: time enough for the first to end the block."""
+
 
 class _Last:
     """The signal that was heard last."""
@@ -44,14 +47,21 @@ def raising() -> Iterator[None]:
     """Let the signals raise KeyboardInterrupt, and be sure that it ends the block.
 
     Python drops exceptions in the callbacks of weak references, which drawing runs by the thousand. A dropped
-    KeyboardInterrupt is raised again a moment later.
+    KeyboardInterrupt is raised again a moment later, until it ends the block.
     """
     usual = sys.unraisablehook
+    ended = threading.Event()
+
+    def insist() -> None:
+        pause = 0.01
+        while not ended.wait(pause):
+            _Last.time = -float("inf")
+            _thread.interrupt_main(_Last.number)
+            pause = _INSISTS
 
     def again(dropped: sys.UnraisableHookArgs) -> None:
         if isinstance(dropped.exc_value, KeyboardInterrupt):
-            _Last.time = -float("inf")
-            threading.Timer(0.01, _thread.interrupt_main, [_Last.number]).start()
+            threading.Thread(target=insist, daemon=True).start()
         elif not interrupted:
             usual(dropped)
 
@@ -64,8 +74,10 @@ def raising() -> Iterator[None]:
     except KeyboardInterrupt:
         # To the end of the process: objects that were half made when it came complain when they are taken down.
         interrupted = True
+        ended.set()
         raise
     finally:
+        ended.set()
         if not interrupted:
             sys.unraisablehook = usual
 

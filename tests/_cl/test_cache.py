@@ -117,7 +117,7 @@ def test_an_unusable_cache_is_replaced_and_named(filled: tuple[Path, str], tmp_p
     environment = {"XDG_CACHE_HOME": str(filled[0]), variable: str(in_the_way), "TMPDIR": str(tmp_path)}
     done = run(**environment)
     assert (done.returncode, done.stdout) == (0, filled[1])
-    warned = [line for line in done.stderr.splitlines() if "UserWarning" in line]
+    warned = [line for line in done.stderr.splitlines() if "PersfsWarning" in line]
     assert any(str(in_the_way) in line and variable in line for line in warned)
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == [in_the_way], "private caches go with their process"

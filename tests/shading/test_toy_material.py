@@ -142,7 +142,7 @@ def test_the_command_has_it_with_its_number(tmp_path: Path) -> None:
         return subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout
 
     options = ("--focal-length=20", "--light=flash", "--reflectance=toy", "--exponent=1.5", "--encoding=linear")
-    command("render", tmp_path / "depth.npy", "-o", tmp_path / "image.tiff", *options)
+    command("render", tmp_path / "depth.npy", "-o", tmp_path / "image.tiff", "--bits=16", *options)
     shown = ps.read_image(tmp_path / "image.tiff", encoding="linear")
     expected = ps.render(scene.depth, scene.camera, light=ps.FlashLight(), reflectance=Toy(1.5))
     np.testing.assert_allclose(shown, expected / expected.max(), atol=1e-4)
