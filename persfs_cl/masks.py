@@ -22,7 +22,7 @@ NONE = -1
 
 @dataclass(frozen=True)
 class Neighbours:
-    """For every pixel, whether the pixel beside it satisfies a predicate; nothing outside does."""
+    """For every pixel, whether its neighbour on each side satisfies a predicate; nothing outside does."""
 
     left: Mask
     right: Mask

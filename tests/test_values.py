@@ -44,7 +44,7 @@ SAID = {
     "Scene": ("'bump'", "30 x 20", "depth 1 to 1.", "FlashLight"),
     "Solution": ("CONVERGED", "600 of 30 x 20", "iteration"),
     "Discontinuities": ("30 x 20", "below"),
-    "Confidence": ("30 x 20", "median slope error 0.", "10 in doubt"),
+    "Confidence": ("30 x 20", "median slope error 0.", "10 unreliable"),
     "Photo": ("'coin.png'", "72 x 72", "8 bits", "srgb", "luminance"),
     "Preparation": ("ambient=<array>", "vignetting=<array>", "highlights='keep'", "mean_filter=1"),
     "PreparedPhoto": ("5184 of 72 x 72", "light 0"),

@@ -25,7 +25,7 @@ _ATTEMPTS = 3
 
 
 def _packaged() -> Path:
-    """kernels/ inside an installed package, or beside the package in a checkout (editable install)."""
+    """kernels/ inside an installed package, or next to the package in a checkout (editable install)."""
     inside = _PACKAGE / "kernels"
     return inside if inside.is_dir() else _PACKAGE.parent / "kernels"
 

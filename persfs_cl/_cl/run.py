@@ -1,4 +1,4 @@
-"""Images on a device in the course of their iterations, as the orderings see them."""
+"""Images on a device during their iterations, as the orderings see them."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Experiments: how fast the sweeps are, beside what else there is and the device's limits; how exact the depth is."""
+"""Experiments: how fast the sweeps are, against baselines and the device's limits, and how exact the depth is."""

@@ -181,7 +181,7 @@ def ambiguity(plan: Plan) -> Iterator[list[Record]]:
 
 
 def lamp(plan: Plan) -> Iterator[list[Record]]:
-    """Mean error of depth with the lamp beside the camera, as a share of the relief, by both schemes.
+    """Mean error of depth with an off-axis lamp, as a share of the relief, by both schemes.
 
     The upwind scheme has the lamp in its equation; the Lax-Friedrichs scheme has it at the camera, and takes rounds.
     """

@@ -1,4 +1,4 @@
-"""What was tried and not taken, beside what was."""
+"""What was tried and not taken, compared with what was."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def numba_loop(image: Image, precision: str) -> Baseline:
 
 
 def numpy_diagonals(problem: Problem) -> Baseline:
-    """The twin in NumPy, float64, one anti-diagonal at a time."""
+    """The reference in NumPy, float64, one anti-diagonal at a time."""
     measure = Reference.of(problem)
     return Baseline(
         measure.log_depth, lambda number: measure.sweep(*DIRECTIONS[number]), f"NumPy {np.__version__}, float64"

@@ -186,7 +186,7 @@ def _accuracy(records: Sequence[Record]) -> Figure | None:
     for order, scheme in enumerate(("upwind", "second order"), start=1):
         largest = max((record.median or 0.0 for record in chosen if record.workload.endswith(scheme)), default=0.0)
         if largest:
-            # Beside the measured lines, and through no point of theirs.
+            # Next to the measured lines, and through no point of theirs.
             slope = [0.4 * largest * (sizes[0] / size) ** order for size in sizes]
             axes.loglog(sizes, slope, "--", color="0.6", linewidth=1)
             axes.annotate(f"slope {order}", (sizes[-1], 0.9 * slope[-1]), fontsize=8, color="0.4", va="top", ha="right")

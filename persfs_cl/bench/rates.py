@@ -1,4 +1,4 @@
-"""Sweeps in cell updates per second, beside the plain C sweep of the same rounds."""
+"""Sweeps in cell updates per second, compared with the plain C sweep of the same rounds."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ RATE_UNIT = "Mc/s"
 """Million cell updates a second."""
 
 _MAKERS = {PLAIN_C: plain_c, "numba": numba_loop}
-_NUMPY = "NumPy twin"
+_NUMPY = "NumPy reference"
 YARDSTICKS = (*_MAKERS, _NUMPY)
 
 
 def measured(
     plan: Plan, experiment: str, size: int, precision: str, workloads: Iterable[Workload], *, images: int = 1
 ) -> list[Record]:
-    """Rates of workloads that take turns; beside that of the plain C sweep, if that is among them and does the same."""
+    """Rates of workloads that take turns; as factors of plain C's too, if that is among them and does the same."""
     listed = list(workloads)
     timings = timed(plan, listed)
     baseline = timings.get(PLAIN_C)
@@ -79,7 +79,7 @@ def baseline(name: str, size: int, precision: str) -> Workload:
 
 
 def numpy_baseline(size: int) -> Workload:
-    """The twin in NumPy, which measures the kernels and is not made for speed."""
+    """The reference in NumPy, which the kernels are tested against, and which is not made for speed."""
     problem = smooth_problem(size)
     made = numpy_diagonals(problem)
     return Workload(_NUMPY, made.work, swept_cells(problem), made.detail)

@@ -26,8 +26,8 @@ _STEP = 4
 def roofline(plan: Plan) -> Iterator[list[Record]]:
     """Copy bandwidth and multiply-add rate of the device, and the shares of them that the orderings reach.
 
-    The sweeps are set beside copies of arrays as large as the image, which lie in the same caches; larger copies show
-    the memory behind them.
+    The sweeps are compared with copies of arrays as large as the image, which lie in the same caches; larger copies
+    show the memory behind them.
     """
     size, device = plan.size(), plan.device
     itemsize = np.dtype(plan.precision).itemsize

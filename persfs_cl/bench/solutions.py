@@ -57,7 +57,7 @@ def small_image(plan: Plan) -> Iterator[list[Record]]:
 
 
 def solutions(plan: Plan) -> Iterator[list[Record]]:
-    """Time to a converged surface, beside the fast marching of scikit-fmm on the same grid.
+    """Time to a converged surface, compared with the fast marching of scikit-fmm on the same grid.
 
     scikit-fmm does not solve the shading equation: it is given the true |grad Z|, and recovers the same surface.
     """

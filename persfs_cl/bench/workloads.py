@@ -41,7 +41,7 @@ class Workload:
     step : int
         Sweeps are done in multiples of this.
     like_plain_c : bool
-        Whether a cell is updated by the formula of the plain C sweep, so that rates may be set beside its rate.
+        Whether a cell is updated by the formula of the plain C sweep, so that rates may be compared with its rate.
     """
 
     name: str

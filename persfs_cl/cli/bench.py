@@ -144,7 +144,7 @@ def bench(
     ] = None,
     keywords: Options,
 ) -> None:
-    """Measure how fast the sweeps are, beside other ways to do the same in the same run, and how exact the depth is.
+    """Measure how fast the sweeps are, against other ways to do the same in the same run, and how exact the depth is.
 
     Prints tables, and writes bench.json, bench.csv and the plots scaling.png, yardsticks.png, convergence.png and
     accuracy.png.

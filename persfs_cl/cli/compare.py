@@ -51,7 +51,7 @@ def compare(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="With points: the photo, to show beside it what a depth of 1 / sqrt(brightness) comes to.",
+            help="With points: the photo, to show what errors a depth of 1 / sqrt(brightness) has.",
         ),
     ] = None,
     channel: Annotated[Channel, typer.Option(help="Of the photo.")] = "luminance",
@@ -64,7 +64,7 @@ def compare(
     transparent pixels are left out. ME is the paper's mean error, RS its root mean square.
 
     With points, such as triangulation gives, the mean of |z - z'| / z' is printed, and Spearman's rank correlation;
-    beside them those of a constant depth, and with --photo of 1 / sqrt(brightness).
+    for comparison those of a constant depth, and with --photo of 1 / sqrt(brightness).
     """
     with_points = second.suffix.lower() in (".csv", ".json")
     if photo is not None and not with_points:
@@ -121,14 +121,14 @@ def _beside_points(
     wanted = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
     estimate = at_points(np.where(wanted, values, np.nan), points)
     reasons = {
-        "beside the depth map": np.isnan(at_points(np.zeros(shape), points)),
+        "outside the depth map": np.isnan(at_points(np.zeros(shape), points)),
         f"outside {mask}": at_points(wanted, points) == 0,
         "where there is no depth": at_points(wanted & np.isnan(values), points) == 1,
     }
     if left_out := {reason: int(np.count_nonzero(which)) for reason, which in reasons.items() if which.any()}:
         counts = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
         typer.echo(f"{sum(left_out.values())} of {len(points)} points are left out: {counts}.", err=True)
-    # A guess must not be judged where there is no depth to compare it with.
+    # A guess must not count where there is no depth to compare it with.
     truth = np.where(np.isnan(estimate), np.nan, points[:, 2])
     brightness = None
     if photo is not None:
@@ -150,7 +150,7 @@ def _beside_points(
 
 
 def _hint_at_scale(depth: Path) -> None:
-    """Say so where the report beside a depth map tells that nothing has set its unit."""
+    """Say so where the report in the folder of a depth map tells that nothing has set its unit."""
     # A hint is worth no error: there may be another file of that name.
     with suppress(InputError, ValueError, KeyError, TypeError, RecursionError):
         light = json.loads(read_bytes(depth.with_name("report.json")))["parameters"]["light"]

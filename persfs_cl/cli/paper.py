@@ -45,7 +45,7 @@ def paper(
     ] = None,
     keywords: Options,
 ) -> None:
-    """Do the paper's experiments again: Tables 1 and 2, Figures 2 and 3, with Tankus' method beside its own.
+    """Do the paper's experiments again: Tables 1 and 2, Figures 2 and 3, by its method and by Tankus'.
 
     Prints the tables, and writes them as tables.md and one CSV file each, with the figures as PNG files. Takes a minute
     or two.

@@ -19,7 +19,7 @@ from persfs_cl.wording import keyword
 
 # The frame of 35 mm film is 36 mm × 24 mm.
 _FILM_DIAGONAL = math.hypot(36.0, 24.0)
-# EXIF's FocalPlaneResolutionUnit, in millimetres. 2 and 3 are in the standard, 4 and 5 in use beside it.
+# EXIF's FocalPlaneResolutionUnit, in millimetres. 2 and 3 are in the standard, 4 and 5 in use besides.
 _RESOLUTION_UNITS = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 # Millimetres: the longer side of the sensor of a simple telephone and of a medium-format camera, with room.
 _SENSORS = (3.0, 60.0)

@@ -1,4 +1,4 @@
-"""A depth map beside depths that are known at single points, as triangulation gives them."""
+"""A depth map compared with depths that are known at single points, as triangulation gives them."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _checked(place: str, entry: Sequence[Any]) -> list[float]:
 
 
 def at_points(values: ArrayLike, points: Array) -> Array:
-    """Values of a map at the pixels nearest to some points; NaN for points beside it.
+    """Values of a map at the pixels nearest to some points; NaN for points outside it.
 
     Examples
     --------

@@ -213,7 +213,7 @@ def flash(path: FilePath, image: Array, depth: Array, again: Array, camera: Came
 
 
 def sensitivity(path: FilePath, errors: Sequence[tuple[str, str, float, float | None]], iterations: int) -> None:
-    """ME of each variation as a dot, beside what the paper prints.
+    """ME of each variation as a dot, compared with what the paper prints.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def iterates(scene: Scene, reading: Reading, device: Device) -> Iterator[Array]:
 def with_minus(scene: Scene, start: float) -> Iterator[Array]:
     """Depth maps by (11) as it is printed, with its leading minus, for ever; the caller stops.
 
-    In NumPy, by the twin that measures the kernels.
+    In NumPy, by the reference implementation that the kernels are tested against.
     """
     problem = _problem(scene)
     twin = _Negated.of(problem)

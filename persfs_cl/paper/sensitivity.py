@@ -37,7 +37,7 @@ class Variation:
     aspect, choice : str
         What is varied, and to what.
     scene : Scene
-        What is photographed, and what is known of it.
+        The surface and its photograph, and what is known of them.
     scaled : bool
         Heights are scaled to [0, 1] by their own extremes. If not, by the true height.
     only_vase : bool

@@ -1,11 +1,11 @@
 """Table 2 and Figure 3: a real photograph, under protocol P.
 
-The paper's statue is not to be had. In its place stands a modelled skull, photographed as the statue was, by a camera's
-own flash, and at the same size in pixels: see ``data/README.md`` for its author and its licence. What the paper does is
+The paper's statue is not to be had. In its place stands a modelled skull, taken as the statue was, by a camera's own
+flash, and at the same size in pixels: see ``data/README.md`` for its author and its licence. What the paper does is
 done: a mean filter, the grey values as the file has them stretched by (2), a frontal light, zero boundary conditions,
-here on the outline of the skull. There is no true depth; the surface is re-rendered by (6), and compared with
-the filtered photograph in grey levels of 255. So is the surface that is found when the light is taken for the flash
-that it is.
+here on the outline of the skull. There is no true depth; the surface is re-rendered by (6), and compared with the
+filtered photograph in grey levels of 255. So is the surface that is found when the light is taken for the flash that it
+is.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ class JobInputs:
 
     @property
     def lit(self) -> Mask:
-        """Pixels whose shading counts: those of walls belong to whatever is beside them."""
+        """Pixels whose shading counts: those of walls belong to whatever is next to them."""
         return self.wanted if self.walls is None else self.wanted & ~self.walls
 
 
@@ -123,7 +123,7 @@ class PreparedJob:
     known_depth : ndarray of float64, shape (height, width), or None
         NaN where unknown; None leaves it to the solver what to assume.
     report : mapping
-        What the report says beside what it says of the solution.
+        What the report says besides what it says of the solution.
     """
 
     inputs: JobInputs

@@ -33,7 +33,7 @@ class PhotoSolution:
     unfiltered : ndarray of float64, shape (height, width)
         The photo itself, on the scale of the prepared image.
     report : mapping
-        What the report says beside what it says of the solution.
+        What the report says besides what it says of the solution.
     """
 
     solution: Solution

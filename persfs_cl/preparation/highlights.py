@@ -32,7 +32,7 @@ def find_specular(
     A pixel is taken for one when it is more than `factor` times as bright as the opening by reconstruction of the
     image (L. Vincent, IEEE Transactions on Image Processing 2(2), 1993, pp. 176-201). This is the image with every
     spot into which no square of side `size` fits cut down to the brightest way that leads out of it. A bright surface
-    beside a dark one is no spot, however narrow in places, because it keeps its brightness from where it is wide.
+    next to a dark one is no spot, however narrow in places, because it keeps its brightness from where it is wide.
     What is darker than a tenth of the brightest (99.5th percentile) is no spot either: noise in the dark looks alike.
 
     Parameters

@@ -289,7 +289,7 @@ def _percentile(values: Array, inside: Mask, percentile: float) -> float:
 
 def _window_sum(padded: Array, size: int) -> Array:
     # Shifted slices are added instead of differences of cumulative sums: those cancel, and would leave
-    # traces of a highlight (even negative ones) in black pixels beside it.
+    # traces of a highlight (even negative ones) in black pixels next to it.
     height, width = (length - size + 1 for length in padded.shape)
     rows = np.zeros((height, padded.shape[1]))
     for shift in range(size):

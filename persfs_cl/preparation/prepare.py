@@ -247,7 +247,7 @@ def prepare_photo(
         For the law of vignetting.
     preparation : Preparation
     mask : array_like of bool, shape (H, W), optional
-        Pixels that count, beside which nothing is looked at; those of the photo that are not transparent, by default.
+        Pixels that count; no others are looked at. By default those of the photo that are not transparent.
 
     Returns
     -------
@@ -310,7 +310,7 @@ def prepare_photo(
         inside = inside & ~masked
         if not inside.any():
             raise InputError(
-                f"All of the {np.count_nonzero(masked)} pixels are highlights or beside one: keep them, expose the "
+                f"All of the {np.count_nonzero(masked)} pixels are highlights or next to one: keep them, expose the "
                 "photo less, or say from which number on a pixel is saturated."
             )
     # Before smoothing, which would spread a highlight over its neighbours.

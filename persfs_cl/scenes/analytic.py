@@ -283,7 +283,7 @@ def sphere_cap(
     ray_squared = 1 + grid.x**2 + grid.y**2
     along = centre_x * grid.x + centre_y * grid.y + centre_z
     power = centre_x**2 + centre_y**2 + centre_z**2 - sphere_radius**2
-    # Rays beside the cap may miss the sphere; what the root makes of them is not used.
+    # Rays outside the cap may miss the sphere; what the root makes of them is not used.
     root = np.sqrt(np.maximum(along**2 - ray_squared * power, 0.0))
     depth = np.where(inside, (along + sign * root) / ray_squared, 1.0)
     # The derivative of |z (x, y, 1) - centre|² = const, in which (x, y, 1) · (z (x, y, 1) - centre) = ± root.

@@ -85,7 +85,7 @@ def mesh_scene(
     The object stands upright, the middle of its bounding box on the optical axis, as large as the view allows. Depth
     is exact at the pixel centres: :func:`mesh_view`. The image is that of the depth map and not of the facets, whose
     edges no depth map shows: its slopes are central differences of ln z within the object, one-sided at its outline
-    and beside jumps. No part casts a shadow on another, which is exact for a flash at the optical centre.
+    and next to jumps. No part casts a shadow on another, which is exact for a flash at the optical centre.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def mesh_scene(
     -------
     Scene
         ``mask`` is True on the object, but for pixels that are alone along x or y, whose depth tells no slope; depth
-        and slopes are NaN beside it. ``walls`` holds the jumps of the depth inside the mask. ``known_depth`` is given
+        and slopes are NaN elsewhere. ``walls`` holds the jumps of the depth inside the mask. ``known_depth`` is given
         where no neighbour that the pixel is joined to is nearer: on the peaks, and where an outline cuts a slope. The
         surface goes away from there. Under an oblique parallel light nearer means along its rays.
 

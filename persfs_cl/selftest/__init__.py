@@ -1,1 +1,1 @@
-"""Whether a device computes what it should: the kernels beside the NumPy reference, in a process of their own."""
+"""Whether a device computes what it should: the kernels against the NumPy reference, in a process of their own."""

@@ -171,7 +171,7 @@ class Checks:
         self._compare_bits(case, outcome, np.concatenate(changes), values)
 
     def _render(self, case: Case, outcome: Outcome) -> None:
-        """The forward model beside its formula."""
+        """The forward model against its formula."""
         scene = bumps(shape=_RENDERED)
         depth = 0.7 * scene.depth
         depth[5:9, 11:20] = np.nan

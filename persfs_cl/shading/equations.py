@@ -257,7 +257,7 @@ class HeadlightEquation(Equation):
 
 @dataclass(frozen=True)
 class LampEquation(ParallelEquation):
-    """With the lamp beside the camera: at a given depth each pixel has a parallel light of its own, and a brightness.
+    """With an off-axis lamp: at a given depth each pixel has a parallel light of its own, and a brightness.
 
     I = κ c(θ) / ρ², with ρ the distance to the lamp, tells cos θ, which takes the place of E. All that may be asked of
     it is :meth:`at`.

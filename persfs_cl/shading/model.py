@@ -204,7 +204,7 @@ class Model(ABC):
         return tables[0], tables[1]
 
     def constant_viscosity(self, coordinate: Array, *, along_y: int) -> Array:
-        """What |∂H/∂p| may be, at most, beside the part that goes with the brightness; of q `along_y`."""
+        """What |∂H/∂p| may be, at most, without the part proportional to the brightness; of q `along_y`."""
         return np.zeros_like(coordinate)
 
     @abstractmethod

@@ -95,7 +95,7 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
     if not reached.any():
         raise InputError(
             f"None of the {int(known.sum())} known depths can reach the {int(unknown.sum())} pixels to solve: "
-            "give a known depth inside the mask or beside it."
+            "give a known depth inside the mask or next to it."
         )
     present = reached | known
     flags = missing_neighbours(present)
@@ -128,7 +128,7 @@ def _boundary(reached: Mask, known: Mask, present: Mask) -> Boundary:
     """Choose the cells that eq. (12) renews.
 
     A rim cell looks inwards along each axis on which just one neighbour is missing. Cells that no chain of looks
-    joins to a swept cell (strips of one or two pixels) are swept like all others, and so are those beside known values
+    joins to a swept cell (strips of one or two pixels) are swept like all others, and so are those next to known values
     that no inner cell would hear: a known corner of the image, say.
     """
     height, width = reached.shape

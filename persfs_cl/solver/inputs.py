@@ -26,8 +26,8 @@ _MOST_PIXELS = 2**30
 """Indices within an array are computed in 32 bits here and there."""
 
 _DARK, _DARK_SHARE = 0.005, 0.05
-"""When so many pixels are so dark beside the brightest, 14 times as far away if they face the lamp, they are probably
-no part of what was photographed."""
+"""When so many pixels are so dark compared with the brightest, 14 times as far away if they face the lamp, they are
+probably no part of the object."""
 
 
 def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.floating]]:
@@ -80,8 +80,8 @@ def warn_of_steep_outline(
     """Warn where z = 1 is assumed along the outline of a mask that is no flat ground, as far as its brightness tells.
 
     Flat ground facing the camera has the angle θ0 = acos(1 / k) to a parallel light. A pixel at the angle θ, by its
-    brightness beside that of the ground, is tilted by abs(θ - θ0) at least, whichever way. The frame of the image is
-    not looked at: the object goes on there.
+    brightness compared with that of the ground, is tilted by abs(θ - θ0) at least, whichever way. The frame of the
+    image is not looked at: the object goes on there.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def require_relief(depths: NDArray[np.float64]) -> None:
     nearest, farthest = float(depths.min(initial=np.inf)), float(depths.max(initial=0.0))
     if farthest > _MOST_RELIEF * nearest:
         raise InputError(
-            f"{keyword('known_depth')} goes from {nearest:g} to {farthest:g} beside pixels to solve: give depths of "
+            f"{keyword('known_depth')} goes from {nearest:g} to {farthest:g} next to pixels to solve: give depths of "
             f"which the farthest is at most {_MOST_RELIEF:g} times the nearest, and NaN for what is not known, or has "
             "no end.",
             argument="known_depth",

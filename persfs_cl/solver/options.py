@@ -36,7 +36,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class Option:
-    """What there is to say of a keyword beside its name and type.
+    """What there is to say of a keyword besides its name and type.
 
     Attributes
     ----------

@@ -49,11 +49,11 @@ def reconstruct(
     camera : Camera
     light : ParallelLight or FlashLight
         A frontal parallel light by default. Under a flash that fades with distance the image alone determines the
-        depth, in the unit of the gain: no known values, no choice of `surface`. A lamp beside the camera is where it is
-        in the upwind scheme, for a Lambertian surface that lies in no shadow and leads away from the lamp at every
-        edge, or has known depths there. Other materials shade there by the angle to the lamp alone, and for the
-        Lax-Friedrichs scheme the lamp is at the camera: then the image is corrected by what the surface found says of
-        that, and solved again, in up to 10 rounds, for a lamp not farther off than a tenth of the depth or so.
+        depth, in the unit of the gain: no known values, no choice of `surface`. In the upwind scheme an off-axis lamp
+        is where it is, for a Lambertian surface that lies in no shadow and leads away from the lamp at every edge, or
+        has known depths there. Other materials shade there by the angle to the lamp alone, and for the Lax-Friedrichs
+        scheme the lamp is at the camera: then the image is corrected by what the surface found says of that, and solved
+        again, in up to 10 rounds, for a lamp not farther off than a tenth of the depth or so.
     reflectance : Lambertian, OrenNayar or Phong
         Under a parallel light others than Lambertian are for the Lax-Friedrichs scheme, and an image is on the scale of
         what the material returns.
@@ -64,7 +64,7 @@ def reconstruct(
         from the side that it belongs to, see :attr:`Solution.discontinuities`.
     known_depth : array_like of float, shape (height, width), optional
         Depths that are kept exactly, from 1e-30 to 1e30 and at most a factor of 1e9 apart; NaN where unknown; inside
-        the mask or beside it. When not given, with a parallel light the edge of the image or mask has z = 1 (the
+        the mask or next to it. When not given, with a parallel light the edge of the image or mask has z = 1 (the
         paper's zero boundary conditions), with a warning where a mask's outline is no flat ground; with a flash
         nothing is known, and without its fall-off some depth must be given.
     albedo : array_like of float, shape (height, width), optional
@@ -87,10 +87,10 @@ def reconstruct(
         eq. (12) the limit may differ a little, and with "extrapolate" much.
     accuracy_order : int
         1: both schemes are of first order. 2: the upwind scheme, once converged, is corrected to second order where the
-        surface is smooth, and stays as it is beside ridges, edges and silhouettes. Some more iterations, each slower;
+        surface is smooth, and stays as it is at ridges, edges and silhouettes. Some more iterations, each slower;
         many more with the checkerboard.
     max_iterations : int
-        Iterations of four sweeps at most; with a lamp beside the camera in each round.
+        Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them.
     tolerance : float
         The run has converged when max |ΔZ| over an iteration is at most this; Z = ln z, so 1e-5 is a relative change of
         depth of 0.001 % somewhere. It bounds the last step, not the error. 0 iterates until nothing changes.

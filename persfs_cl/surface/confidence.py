@@ -50,11 +50,11 @@ class Confidence:
         height, width = self.slope_error.shape
         known = self.slope_error[~np.isnan(self.slope_error)]
         median = f", median slope error {np.median(known):.3g}" if known.size else ""
-        return f"<Confidence, {width} x {height} pixels{median}, {np.count_nonzero(self._doubtful)} in doubt>"
+        return f"<Confidence, {width} x {height} pixels{median}, {np.count_nonzero(self._doubtful)} unreliable>"
 
     @property
     def _doubtful(self) -> Mask:
-        """Pixels that are in doubt for any reason."""
+        """Pixels that are unreliable for any reason."""
         return np.asarray(np.logical_or.reduce([np.zeros(self.slope_error.shape, bool), *self.unreliable.values()]))
 
     def report(self) -> dict[str, Any]:

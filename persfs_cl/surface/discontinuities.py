@@ -30,7 +30,7 @@ _ROUGHLY = 1.5
 """Ways across a wall that are longer than the shortest by more than this factor lead along it, and are not taken."""
 
 _DARKEST = 0.01
-"""Brightness below this share of the brightest beside walls is all one."""
+"""Brightness below this share of the brightest next to walls is all one."""
 
 _STEEPEST = 1.0 / 3.0
 """Largest change of log brightness from pixel to pixel that is believed to go on."""
@@ -43,7 +43,7 @@ _A_LINE = 0.5
 many pixels."""
 
 _SMOOTHINGS = 8
-"""Passes along a wall, most of whose pixels are on the same side as those beside them."""
+"""Passes along a wall, most of whose pixels are on the same side as their neighbours."""
 
 _MARGIN = REACH + 1
 _CELLS = 1 << 22
@@ -86,7 +86,7 @@ class _Ways:
                 looking = looking[walls[row, column]]
         length = np.where(steps > 0, steps * _LENGTHS, np.inf)
         through = (length[0::2] + length[1::2]).repeat(2, axis=0)
-        # Beside the edge of the image or mask there may be something on one side only.
+        # At the edge of the image or mask there may be something on one side only.
         length = np.where(np.isfinite(through).any(axis=0), through, length)
         steps[length > _ROUGHLY * length.min(axis=0)] = 0
         down, right = _DIRECTIONS.T[..., None]
@@ -152,7 +152,7 @@ def fill_walls(log_depth: Array, walls: Mask, image: Array, known: Array) -> Dis
     walls : ndarray of bool, shape (height, width)
         Pixels to fill.
     image : ndarray of float64, shape (height, width)
-        Brightness of the surface without its albedo, at walls and beside them. Where it is NaN the nearest side is
+        Brightness of the surface without its albedo, at walls and next to them. Where it is NaN the nearest side is
         taken.
     known : ndarray of float64, shape (n,)
         Z of the pixels on walls, in the order of the image, where it is known, which also tells their side; else NaN.
@@ -202,7 +202,7 @@ class _Continued:
         end, beyond = np.stack([ways.end_rows, ways.end_columns]), _DIRECTIONS.T[..., None]
         last, second, third = (_at(log_depth, *(end + count * beyond)) for count in range(3))
         rise, earlier = last - second, second - third
-        # The flatter of the last two: beside an outline the last one is often too steep.
+        # The flatter of the last two: next to an outline the last one is often too steep.
         flatter = np.where(rise * earlier < 0, 0.0, np.where(np.abs(earlier) < np.abs(rise), earlier, rise))
         depth = np.where(there, last + ways.steps * np.nan_to_num(flatter), 0.0)
 
@@ -214,7 +214,7 @@ class _Continued:
         mismatch = np.nan_to_num(np.abs(at_end + ways.steps * change - here), nan=_WORST).clip(max=_WORST)
         mismatch += _A_PIXEL * length
 
-        # A way without a slope has next to no say beside one with.
+        # A way without a slope has next to no weight compared with one that has it.
         sloped = np.where(np.isfinite(second), 1.0, 1e-3)
         weight = np.divide(sloped, length**2, out=np.zeros_like(length), where=there)
         together = np.full_like(depth, np.nan), np.full_like(depth, np.inf), np.zeros_like(depth)

@@ -43,7 +43,7 @@ def render(
         z > 0 along the optical axis, in any unit, or under a flash in that of its gain; NaN where there is no surface.
     camera : Camera
     light : ParallelLight or FlashLight
-        Frontal and parallel by default. With a lamp beside the camera NumPy computes the image, not the device.
+        Frontal and parallel by default. With an off-axis lamp NumPy computes the image, not the device.
     reflectance : Lambertian, OrenNayar or Phong
     mask : array_like of bool, shape (height, width), optional
         Pixels to render; derivatives do not look across its edge.
@@ -72,7 +72,7 @@ def render(
 
     Notes
     -----
-    Derivatives of ln z are central differences, one-sided beside the edge of the surface or a cut.
+    Derivatives of ln z are central differences, one-sided at the edge of the surface or at a discontinuity.
 
     Examples
     --------

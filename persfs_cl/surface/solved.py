@@ -227,9 +227,7 @@ class SolvedSurface:
 
     def _confidence(self, normals: Array, unreliable: Unreliable | None) -> Confidence:
         if unreliable is not None and not isinstance(unreliable, Mapping):
-            raise InputError.about(
-                "unreliable", unreliable, "is no mapping: give maps of bool by the reason for doubt."
-            )
+            raise InputError.about("unreliable", unreliable, "is no mapping: give maps of bool by their reasons.")
         shape = self.depth.shape
         given = {
             reason: as_mask(f"unreliable[{reason!r}]", pixels, shape) for reason, pixels in (unreliable or {}).items()

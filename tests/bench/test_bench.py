@@ -263,9 +263,9 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
 def test_only_the_schemes_asked_for_are_measured(device: ps.Device) -> None:
     plan = Plan(device, sizes=(16,), batch=(2,), orderings=("wavefront",), schemes=("upwind",), repeats=1)
     plan = replace(plan, least_seconds=0.0, strip_rows=(8,), tiles=((32, 64),), work_groups=(1,))
-    peers_beside = {PLAIN_C, "numba", "NumPy twin", FAST_MARCHING}
+    baselines = {PLAIN_C, "numba", "NumPy reference", FAST_MARCHING}
     for name in ("orderings", "sizes", "batch", "precision", "tunings", "solutions"):
-        workloads = {record.workload for group in EXPERIMENTS[name](plan) for record in group} - peers_beside
+        workloads = {record.workload for group in EXPERIMENTS[name](plan) for record in group} - baselines
         assert workloads
         assert all(workload.endswith("upwind") for workload in workloads)
 

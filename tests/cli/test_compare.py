@@ -117,7 +117,7 @@ def test_compare_with_points(form: str, tmp_path: Path) -> None:
     files = ("compare", tmp_path / "depth.npy", tmp_path / form)
     options = ("--align=scale", "--photo", tmp_path / "photo.tif")
     outcome = run(*files, *options, "--json")
-    left_out = "1 beside the depth map, 1 where there is no depth."
+    left_out = "1 outside the depth map, 1 where there is no depth."
     assert outcome.stderr == f"2 of 6 points are left out: {left_out}"
     rows = json.loads(outcome.stdout)
     third = 1 / 3

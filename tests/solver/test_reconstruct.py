@@ -552,7 +552,7 @@ def test_depths_that_no_unit_needs_are_refused_with_their_value(value: Any) -> N
         ps.reconstruct(IMAGE, ps.Camera(30.0), known_depth=known)
     known[3, 5] = 2e9
     known[3, 4] = 1.0
-    with pytest.raises(ps.InputError, match=r"from 1 to 2e\+09 beside .* at most 1e\+09 times the nearest"):
+    with pytest.raises(ps.InputError, match=r"from 1 to 2e\+09 next to .* at most 1e\+09 times the nearest"):
         ps.reconstruct(IMAGE, ps.Camera(30.0), known_depth=known)
 
 

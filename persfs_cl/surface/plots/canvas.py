@@ -108,7 +108,7 @@ def show(
 ) -> AxesImage:
     """Image on axes in pixels, light grey where it is NaN; of a large one, means of blocks or what `thin` makes of it.
 
-    Pixels are square, unless the image is so slender that nothing could be seen of it, nor of a colour bar beside it.
+    Pixels are square, unless the image is so slender that nothing could be seen of it, nor of its colour bar.
     Unless there are limits, colours are for the range of all pixels.
     """
     height, width = image.shape

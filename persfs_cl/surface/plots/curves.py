@@ -19,7 +19,7 @@ _STEEPEST_CHANGE = 10.0
 
 
 def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, title: str = "Convergence") -> None:
-    """Draw the change of every iteration on a logarithmic axis, beside the tolerance.
+    """Draw the change of every iteration on a logarithmic axis, with the tolerance.
 
     Parameters
     ----------

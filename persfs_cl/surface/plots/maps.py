@@ -215,7 +215,7 @@ def comparison_picture(
 def confidence_picture(
     path: FilePath, slope_error: ArrayLike, unreliable: Mapping[str, NDArray[np.bool_]], title: str = "Confidence"
 ) -> None:
-    """Draw how much the slope suffers from errors of the brightness, and beside it which pixels are in doubt and why.
+    """Draw how much the slope suffers from errors of the brightness, and which pixels are unreliable and why.
 
     Parameters
     ----------
@@ -282,13 +282,13 @@ def confidence_picture(
         bar.long_axis.set_major_formatter("{x:g}")
         bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
         limits = (-0.5, len(colours) - 0.5)
-        show(right, classes, "In doubt, and why", ListedColormap(colours), limits, thin=_first_reasons)
+        show(right, classes, "Unreliable, and why", ListedColormap(colours), limits, thin=_first_reasons)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
         figure.suptitle(title)
 
 
 def _first_reasons(classes: Array, down: int, right: int) -> Array:
-    """The first reason for doubt in each block, so that the smallest spot can be seen; 0 where there is none."""
+    """The first reason in each block, so that the smallest spot can be seen; 0 where there is none."""
     first = of_blocks(np.fmin, np.where(classes == 0, np.inf, classes), down, right)
     first[np.isinf(first)] = 0.0
     return first
