@@ -149,7 +149,7 @@ def _to_unit_range(name: str, values: NDArray[np.float64]) -> NDArray[np.float64
     if least == greatest:
         raise InputError(
             f"{name} is {least:g} at every compared pixel, which {keyword('align', 'range')} cannot spread over "
-            f"[0, 1]: compare more pixels, or use {keyword('align', 'scale')}, or none.",
+            f"[0, 1]: compare more pixels, or use {keyword('align', 'scale')}.",
             argument=name,
         )
     return np.asarray((values - least) / (greatest - least))

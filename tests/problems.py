@@ -98,7 +98,7 @@ def sweeper(
         ordering = WavefrontStrips(wide, vectors=1, work_groups=device.compute_units)
     return Sweeper(
         device,
-        [problem.numbers],
+        [problem.kernel_arguments],
         model=problem.kernels,
         ordering=ordering,
         precision=precision,

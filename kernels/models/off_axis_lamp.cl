@@ -44,7 +44,7 @@ static inline light_frame towards(const lamp at, const number inverse_depth, con
 }
 
 /* The least depth at which this equation is solved: beyond the point of the ray that is nearest to the lamp, by some
- * margin, and beyond the lamp's plane. As nearest_depth of persfs_cl/solver/problem.py, but for LEAST_DEPTH, which is
+ * margin, and beyond the lamp's plane. As nearest_depth of persfs_cl/shading/flash_light.py, but for LEAST_DEPTH, which is
  * in the unit of exp Z.
  */
 static inline number nearest_depth(const lamp at)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, NOWHERE, SWEPT
+from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,9 @@ class Image:
     cells, inwards, edges
         Boundary cells by their flat indices, the two cells that each looks at inwards along x and along y, shape
         (cells, 4), and how many of them come first, as edges: see kernels/shared/boundary.cl.
-    rim_cells : bool
-        Whether the scheme treats cells apart that lack a neighbour, or only wants a missing neighbour to be high.
+    outside : float or None
+        The value of what lies around the image, for a scheme that only wants a missing neighbour to be high; None for
+        one that treats cells apart which lack a neighbour.
     """
 
     log_depth: NDArray[np.float64]
@@ -43,23 +44,18 @@ class Image:
     cells: NDArray[np.int32]
     inwards: NDArray[np.int32]
     edges: int
-    rim_cells: bool = True
+    outside: float | None = None
 
     def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
         """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""
         flags = self.flags[rows]
         swept = (flags & SWEPT) != 0
         marked = np.where(swept, self.brightness[rows], np.nan)
-        if self.rim_cells:
+        if self.outside is None:
             # Not so the others: a NaN with its sign set would send its whole block the slow way.
             on_rim = swept & ((flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
             np.negative(marked, out=marked, where=on_rim)
         return marked
-
-    @property
-    def outside(self) -> float:
-        """The value of what lies around the image."""
-        return 0.0 if self.rim_cells else NOWHERE
 
     @property
     def beside(self) -> NDArray[np.int64]:

@@ -114,7 +114,7 @@ class Sweeper:
     def _uploaded(self, images: Sequence[Image]) -> dict[str, Any]:
         """What kernels may take as arguments, by name."""
         device, layout, real = self._device, self._layout, self._real
-        stored = layout.store([image.log_depth.__getitem__ for image in images], images[0].outside, real)
+        stored = layout.store([image.log_depth.__getitem__ for image in images], images[0].outside or 0.0, real)
         brightness = layout.store([image.marked_brightness for image in images], np.nan, real)
         reversed_too = self.ordering.vectors_down
         columns = np.stack([layout.column_table(image.x_axis, reversed_too=reversed_too) for image in images])

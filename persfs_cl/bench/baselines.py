@@ -19,12 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.image import Image
+from persfs_cl._cl.parameters import COMMON
 from persfs_cl._cl.run import DIRECTIONS
 from persfs_cl.bench import lexicographic
 from persfs_cl.errors import UnavailableError
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
 
+_OF_LIGHT = ("p0", "q0", "inverse_norm")
+"""Numbers that the loops want after those of COMMON."""
 _SOURCE = Path(__file__).with_name("lexicographic.c")
 # Without contraction, which some compilers do unasked on some processors: plain C, the same everywhere.
 _FLAGS = ("-O3", "-ffp-contract=off", "-shared", "-fPIC")
@@ -111,7 +114,7 @@ def _arrays(image: Image, precision: str) -> list[NDArray[np.floating]]:
         image.marked_brightness(slice(None)),
         image.x_axis,
         image.y_axis,
-        tuple(image.parameters.values()),
+        [image.parameters[name] for name in (*COMMON, *_OF_LIGHT)],
     )
     return [np.array(array, precision, order="C") for array in given]
 

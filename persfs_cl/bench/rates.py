@@ -74,7 +74,7 @@ def baseline(name: str, size: int, precision: str) -> Workload:
         When it cannot be had here.
     """
     problem = smooth_problem(size)
-    made: Baseline = _MAKERS[name](problem.numbers, precision)
+    made: Baseline = _MAKERS[name](problem.kernel_arguments, precision)
     return Workload(name, made.work, swept_cells(problem), made.detail)
 
 

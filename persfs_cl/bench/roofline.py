@@ -12,10 +12,6 @@ from persfs_cl.bench.results import Record
 from persfs_cl.bench.timing import Work, take_turns
 from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 
-NUMBERS_A_CELL = {"wavefront": 3, "lexicographic": 3, "checkerboard": 4}
-"""Numbers that a sweep must move for each cell: it reads Z and E and writes Z. Each half of a sweep of the
-checkerboard reads the Z of both colours."""
-
 OPERATIONS_A_CELL = 34
 """Additions and multiplications of a Lax-Friedrichs update; its square root and division are not counted."""
 
@@ -40,6 +36,7 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     works: dict[str, Work] = {name: _on_device(plan, copier(device, length)) for name, length in arrays.items()}
     works["multiply-adds"] = _on_device(plan, multiply)
     workloads: dict[str, Workload] = {}
+    moved: dict[str, int] = {}
     for ordering in plan.orderings:
         sweeps = sweeper(device, problem, ordering, plan.precision)
         alone = sweeps.ordering.single_sweeps
@@ -47,6 +44,7 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
             sweeps_alone(ordering, device, sweeps, problem) if alone else iterations(ordering, sweeps, problem)
         )
         works[ordering] = workloads[ordering].work
+        moved[ordering] = itemsize * sweeps.ordering.numbers_a_cell
     timings = take_turns(works, repeats=plan.repeats, least_seconds=plan.least_seconds, step=_STEP)
 
     def record(values: list[float], workload: str, quantity: str, unit: str, detail: str) -> Record:
@@ -68,9 +66,8 @@ def roofline(plan: Plan) -> Iterator[list[Record]]:
     records.append(record(arithmetic, "multiply-adds", "arithmetic", "Gflop/s", "two operations each"))
     nearest = bandwidths["copy, as large as the image"]
     for name, workload in workloads.items():
-        moved = itemsize * NUMBERS_A_CELL[name]
         for quantity, unit_a_cell, limits, detail in (
-            ("share of copy bandwidth", moved, nearest, f"{moved} B a cell"),
+            ("share of copy bandwidth", moved[name], nearest, f"{moved[name]} B a cell"),
             ("share of multiply-adds", OPERATIONS_A_CELL, arithmetic, f"{OPERATIONS_A_CELL} operations a cell"),
         ):
             rates = timings[name].rates(1e-9 * unit_a_cell * workload.cells)

@@ -32,7 +32,7 @@ def contents(header: Mapping[str, Any], records: Records) -> dict[str, str]:
     records : sequence of Record
         Each experiment's own all together, in the order in which they were found.
     """
-    found = {ENVIRONMENT: _circumstances(header, records)}
+    found = {ENVIRONMENT: _environment(header, records)}
     for name, (experiment, made) in _TABLES.items():
         if own := [record for record in records if record.experiment == experiment]:
             found[name] = made(own)
@@ -50,7 +50,7 @@ def two_digits(value: float | None) -> str:
     return "" if value is None else format(Decimal(f"{value:.1e}"), "f")
 
 
-def _circumstances(header: Mapping[str, Any], records: Records) -> str:
+def _environment(header: Mapping[str, Any], records: Records) -> str:
     parts = [summary(header).replace("\n", "; ")]
     parts += [record.detail for record in records if record.workload == PLAIN_C and record.median is not None][:1]
     if header["load_average"] is not None:
@@ -147,20 +147,20 @@ def _memory(records: Records) -> str:
 
 
 def _accuracy(records: Records) -> str:
-    by_subject: dict[str, dict[int, str]] = {}
+    by_workload: dict[str, dict[int, str]] = {}
     orders = {}
     for record in records:
         if record.quantity == exact.ORDER:
             orders[record.workload] = "" if record.median is None else f"{record.median:.2f}"
         else:
-            found = by_subject.setdefault(record.workload, {})
+            found = by_workload.setdefault(record.workload, {})
             found[record.size] = f"{two_digits(record.median)} ({record.iteration})"
-    sizes = sorted({size for found in by_subject.values() for size in found})
+    sizes = sorted({size for found in by_workload.values() for size in found})
     rows = [
-        (scene, scheme, *(by_subject[name].get(size, "") for size in sizes), orders.get(name, ""))
+        (scene, scheme, *(by_workload[name].get(size, "") for size in sizes), orders.get(name, ""))
         for scheme in exact.SCHEMES
         for scene in exact.SCENES
-        if (name := exact.workload(scene, scheme)) in by_subject
+        if (name := exact.workload(scene, scheme)) in by_workload
     ]
     return markdown_table(("scene", "scheme", *(f"{size}²" for size in sizes), "order"), rows, words=2)
 

@@ -83,7 +83,7 @@ def sweeper(
     """So many times the same image on the device; they never rest."""
     return Sweeper(
         device,
-        [problem.numbers] * images,
+        [problem.kernel_arguments] * images,
         model=problem.kernels,
         ordering=ordering,
         precision=precision,

@@ -154,7 +154,7 @@ def _hint_at_scale(depth: Path) -> None:
     # A hint is worth no error: there may be another file of that name.
     with suppress(InputError, ValueError, KeyError, TypeError, RecursionError):
         light = json.loads(read_bytes(depth.with_name("report.json")))["parameters"]["light"]
-        if light["kind"] == "FlashLight" and light["gain"] == 1.0:
+        if light["gain"] == 1.0:
             typer.echo(
                 f"{depth} comes of a flash whose gain was not given, so that its unit is arbitrary: add --align scale, "
                 "unless the other is in the same unit.",

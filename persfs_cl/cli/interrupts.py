@@ -56,7 +56,7 @@ def raising() -> Iterator[None]:
         pause = 0.01
         while not ended.wait(pause):
             _Last.time = -float("inf")
-            _thread.interrupt_main(_Last.number)
+            _thread.interrupt_main(signal.Signals(_Last.number))
             pause = _INSISTS
 
     def again(dropped: sys.UnraisableHookArgs) -> None:

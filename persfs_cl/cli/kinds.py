@@ -59,7 +59,8 @@ def kind_chooser(
         try:
             return kinds[name](**read)
         except InputError as error:
-            raise WrongOption(error, f"'--{option}'") from error
+            to_blame = numbers.get(error.argument or "")
+            raise WrongOption(error, f"'{to_blame.hint if to_blame else f'--{option}'}'") from error
 
     choices: Any = Literal[tuple(kinds)]
     summaries = " ".join(f"{name}: {kind.summary}." for name, kind in kinds.items())  # type: ignore[attr-defined]

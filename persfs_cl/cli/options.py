@@ -15,8 +15,8 @@ from persfs_cl.cli.numbers import finite_numbers
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.pipeline.optics import CameraChoice
-from persfs_cl.shading.light import LIGHTS
-from persfs_cl.shading.material import MATERIALS
+from persfs_cl.shading.lights import LIGHTS
+from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.solver.options import Option, Options, described
 
 _CAMERA, _LIGHT, _MATERIAL = "Camera", "Light", "Material"

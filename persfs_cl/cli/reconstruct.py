@@ -145,10 +145,12 @@ def _summary(result: PhotoSolution) -> str:
         "filtered": said["mean_filter"] > 1,
     }
     prepared = ", ".join(step for step, done in steps.items() if done)
+    source = camera["source"]
+    told_by = source if source.startswith("EXIF") else f"--{source.replace('_', '-')}"
     text = (
         f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
-        f"Focal length {solution.camera.fx:.6g} pixels, by {camera['source']}: {camera['horizontal_view']:.3g} degrees "
+        f"Focal length {solution.camera.fx:.6g} pixels, by {told_by}: {camera['horizontal_view']:.3g} degrees "
         "from left to right.\n"
         "Re-rendered, the surface differs, in grey levels (0 to 255),\n"
     )

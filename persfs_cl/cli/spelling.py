@@ -8,8 +8,8 @@ from typing import Any
 import typer
 
 from persfs_cl.errors import Worded
-from persfs_cl.shading.light import LIGHTS
-from persfs_cl.shading.material import MATERIALS
+from persfs_cl.shading.lights import LIGHTS
+from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.wording import Mention, Spelling
 
 _KINDS = {kind.__name__: name for kinds in (LIGHTS, MATERIALS) for name, kind in kinds.items()}

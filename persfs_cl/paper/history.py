@@ -17,7 +17,7 @@ from persfs_cl.paper import tankus
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.reconstruct import reconstruct
 
-Judge = Callable[[Array], Errors]
+Measure = Callable[[Array], Errors]
 """Tells the errors of a depth map."""
 
 
@@ -54,7 +54,7 @@ def told(scene: Scene) -> dict[str, Any]:
     return {"mask": scene.mask, "known_depth": scene.known_depth, "surface": scene.surface}
 
 
-def followed(depths: Iterable[Array], measure: Judge, iterations: Sequence[int]) -> Outcome:
+def followed(depths: Iterable[Array], measure: Measure, iterations: Sequence[int]) -> Outcome:
     """Errors of the depth maps after some numbers of iterations, the first map being that after one."""
     errors = []
     for number, depth in enumerate(itertools.islice(depths, iterations[-1]), 1):
@@ -64,7 +64,7 @@ def followed(depths: Iterable[Array], measure: Judge, iterations: Sequence[int])
 
 
 def sweeping(
-    image: Array, camera: Camera, measure: Judge, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
+    image: Array, camera: Camera, measure: Measure, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
 ) -> Outcome:
     """The history of :func:`persfs_cl.reconstruct`, run anew for each number of iterations.
 
@@ -90,7 +90,7 @@ def sweeping(
 
 
 def marching(
-    image: Array, camera: Camera, measure: Judge, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
+    image: Array, camera: Camera, measure: Measure, iterations: Sequence[int], *, repeats: int = 0, **keywords: Any
 ) -> Outcome:
     """The history of :func:`persfs_cl.paper.tankus.iterations`, with parameters as for :func:`sweeping`."""
 

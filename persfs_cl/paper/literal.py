@@ -61,7 +61,7 @@ def iterates(scene: Scene, reading: Reading, device: Device) -> Iterator[Array]:
     ndarray of float64, shape (height, width)
     """
     problem = _problem(scene)
-    grid, solved = problem.numbers, problem.domain.solved
+    grid, solved = problem.kernel_arguments, problem.domain.solved
     if reading.one_viscosity:
         x_axis, y_axis = (_one_for_all(axis, scene.image.max()) for axis in (grid.x_axis, grid.y_axis))
         grid = replace(grid, x_axis=x_axis, y_axis=y_axis)
@@ -83,11 +83,11 @@ def with_minus(scene: Scene, start: float) -> Iterator[Array]:
     In NumPy, by the reference implementation that the kernels are tested against.
     """
     problem = _problem(scene)
-    twin = _Negated.of(problem)
-    twin.log_depth[problem.domain.solved] = start - problem.level
+    reference = _Negated.of(problem)
+    reference.log_depth[problem.domain.solved] = start - problem.level
     while True:
-        twin.iterate()
-        yield np.exp(twin.log_depth + problem.level)
+        reference.iterate()
+        yield np.exp(reference.log_depth + problem.level)
 
 
 class _Negated(Reference):

@@ -56,7 +56,7 @@ class Variation:
     keywords: Mapping[str, Any] = field(default_factory=dict)
     reading: Reading | None = None
 
-    def judged(self, depth: Array) -> Errors:
+    def measured(self, depth: Array) -> Errors:
         """Errors of a depth map of the scene."""
         truth, mask = self.scene.depth, self.scene.mask if self.only_vase else None
         if self.scaled:
@@ -67,22 +67,22 @@ class Variation:
     def here(self, plan: Plan) -> History:
         """The history of the project's own sweeps."""
         if self.reading is not None:
-            return followed(iterates(self.scene, self.reading, plan.device), self.judged, ITERATIONS).history
+            return followed(iterates(self.scene, self.reading, plan.device), self.measured, ITERATIONS).history
         keywords = {"device": plan.device, **told(self.scene), **self.keywords}
-        return sweeping(self.scene.image, self.scene.camera, self.judged, ITERATIONS, **keywords).history
+        return sweeping(self.scene.image, self.scene.camera, self.measured, ITERATIONS, **keywords).history
 
     def at_rest(self, plan: Plan) -> float | None:
         """ME of the project's own sweeps once they have converged; None for a reading."""
         if self.reading is not None:
             return None
         keywords = {"device": plan.device, **told(self.scene), **self.keywords}
-        return self.judged(reconstruct(self.scene.image, self.scene.camera, **keywords).depth).mean
+        return self.measured(reconstruct(self.scene.image, self.scene.camera, **keywords).depth).mean
 
     def tankus(self) -> History | None:
         """That of Tankus' method, where the variation touches it."""
         if self.keywords or self.reading is not None:
             return None
-        return marching(self.scene.image, self.scene.camera, self.judged, ITERATIONS, **told(self.scene)).history
+        return marching(self.scene.image, self.scene.camera, self.measured, ITERATIONS, **told(self.scene)).history
 
 
 def variations(plan: Plan) -> Iterator[Variation]:

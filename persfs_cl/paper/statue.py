@@ -79,7 +79,7 @@ def flash_photographed_again(depth: Array, device: Device) -> Array:
     return _GREY * np.clip((values - black) / (white - black), 0.0, 1.0)
 
 
-def judged(image: Array, camera: Camera, device: Device, depth: Array) -> Errors:
+def measured(image: Array, camera: Camera, device: Device, depth: Array) -> Errors:
     """Errors of the surface's own image under protocol P."""
     return compare(photographed_again(depth, camera, device), _GREY * image, mask=inside())
 
@@ -99,7 +99,7 @@ def experiment(plan: Plan) -> Findings:
     pictures: dict[str, Any] = {}
     at_1 = outline_at_1(mask)
     for camera, name in ((CAMERA_OF_PAPER, "figure3"), (CAMERA, "figure3-camera")):
-        measure = partial(judged, image, camera, plan.device)
+        measure = partial(measured, image, camera, plan.device)
         common = (image, camera, measure, iterations)
         here = sweeping(*common, repeats=plan.repeats, device=plan.device, **at_1)
         tankus = marching(*common, repeats=plan.repeats, **at_1)
@@ -167,7 +167,7 @@ def _readings(plan: Plan) -> Table:
     }
     rows = []
     for name, (image, camera, surface, solved) in readings.items():
-        measure = partial(judged, image, camera, plan.device)
+        measure = partial(measured, image, camera, plan.device)
         settings: dict[str, Any] = {**outline_at_1(solved), "surface": surface}
         here = {"device": plan.device, **settings}
         found = [

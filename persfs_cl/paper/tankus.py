@@ -40,7 +40,7 @@ from persfs_cl.checks import check_choice, finite_number
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.paper import fast_marching
-from persfs_cl.shading.light import require_light
+from persfs_cl.shading.lights import require_light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare

@@ -35,7 +35,7 @@ _LITERAL = "one σ, rescaled"
 _CLOSEST = "closest reading"
 
 
-def judged(scene: Scene, depth: NDArray[np.float64]) -> Errors:
+def measured(scene: Scene, depth: NDArray[np.float64]) -> Errors:
     """Errors of the height, both heights scaled to [0, 1]."""
     return compare(depth, scene.depth, align="range")
 
@@ -43,7 +43,7 @@ def judged(scene: Scene, depth: NDArray[np.float64]) -> Errors:
 def experiment(plan: Plan) -> Findings:
     """Both methods side by side, and our own with each of its corrections taken back."""
     scene = vase()
-    measure = partial(judged, scene)
+    measure = partial(measured, scene)
     common = (scene.image, scene.camera, measure, printed.ITERATIONS)
     here = sweeping(*common, repeats=plan.repeats, device=plan.device, **told(scene))
     upwind = sweeping(*common, repeats=plan.repeats, device=plan.device, scheme="upwind", **told(scene))

@@ -55,7 +55,7 @@ class CameraChoice:
             When the focal length makes so wide a view that it looks like millimetres.
         """
         if self.fov is not None:
-            return Camera.from_fov(self.fov, shape, self.principal_point), "--fov"
+            return Camera.from_fov(self.fov, shape, self.principal_point), "fov"
         if self.focal_length is None:
             try:
                 length, tags = exif_focal_length(path)
@@ -70,7 +70,7 @@ class CameraChoice:
                 f"{given} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "
                 "pixels, not millimetres."
             )
-        return camera, "--focal-length"
+        return camera, "focal_length"
 
 
 def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:

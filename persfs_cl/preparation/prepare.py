@@ -274,7 +274,9 @@ def prepare_photo(
     """
     if not isinstance(photo, Photo):
         raise InputError.about(
-            "photo", photo, "is no Photo: give read_photo(path), or take the functions of persfs_cl.preparation."
+            "photo",
+            photo,
+            "is no Photo: give read_photo(path), or use clip_highlights, mean_filter and normalise_linear on an array.",
         )
     if not isinstance(preparation, Preparation):
         raise InputError.about("preparation", preparation, "is none: give Preparation(...), or leave it out.")

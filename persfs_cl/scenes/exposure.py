@@ -16,8 +16,8 @@ from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.light import require_light
-from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.lights import require_light
+from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance

@@ -226,7 +226,7 @@ class Checks:
         def built() -> Sweeper:
             return Sweeper(
                 self.device,
-                [problem.numbers],
+                [problem.kernel_arguments],
                 model=problem.kernels,
                 ordering=case.ordering,
                 precision=case.precision,

@@ -22,7 +22,7 @@ _HALVINGS = 56
 
 @dataclass(frozen=True)
 class Equation(ABC):
-    """H(Z, P) = pull Z + H(0, P) <= 0 at some cells, and what the schemes ask of it. All arrays have one shape.
+    """H(Z, P) = dh_dz Z + H(0, P) <= 0 at some cells, and what the schemes ask of it. All arrays have one shape.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Equation(ABC):
 
     @property
     @abstractmethod
-    def pull(self) -> float:
+    def dh_dz(self) -> float:
         """∂H/∂Z."""
 
     @abstractmethod
@@ -54,15 +54,15 @@ class Equation(ABC):
         """σx and σy: bounds of |∂H/∂p| and |∂H/∂q| over all P."""
 
     @abstractmethod
-    def least_p(self, q: Array) -> Array:
+    def argmin_p(self, q: Array) -> Array:
         """The p at which H is least."""
 
     @abstractmethod
-    def least_q(self, p: Array) -> Array:
+    def argmin_q(self, p: Array) -> Array:
         """The q at which H is least."""
 
     def at(self, log_depth: Array) -> Equation:
-        """The equation whose H(0, P) is H(Z, P) - pull Z: another one where Z stands in it in other ways too."""
+        """The equation whose H(0, P) is H(Z, P) - dh_dz Z: another one where Z stands in it in other ways too."""
         return self
 
 
@@ -74,7 +74,7 @@ class ParallelEquation(Equation):
     steepest: float
 
     @property
-    def pull(self) -> float:
+    def dh_dz(self) -> float:
         """Z plays no part."""
         return 0.0
 
@@ -97,11 +97,11 @@ class ParallelEquation(Equation):
         along_y = self.brightness * np.sqrt(1.0 + self.y**2) + np.abs(self.y - light.q0) / light.norm
         return along_x, along_y
 
-    def least_p(self, q: Array) -> Array:
+    def argmin_p(self, q: Array) -> Array:
         """See :class:`Equation`."""
         return self._least(q, self.x, self.y, self.light.p0)
 
-    def least_q(self, p: Array) -> Array:
+    def argmin_q(self, p: Array) -> Array:
         """See :class:`Equation`."""
         return self._least(p, self.y, self.x, self.light.q0)
 
@@ -126,7 +126,7 @@ class FlashEquation(Equation):
     reflectance: Reflectance
 
     @property
-    def pull(self) -> float:
+    def dh_dz(self) -> float:
         """Of the fall-off."""
         return 2.0
 
@@ -144,11 +144,11 @@ class FlashEquation(Equation):
         scale = self.reflectance.steepest_log * np.sqrt(1.0 + self.x**2 + self.y**2)
         return scale * np.sqrt(1.0 + self.x**2), scale * np.sqrt(1.0 + self.y**2)
 
-    def least_p(self, q: Array) -> Array:
+    def argmin_p(self, q: Array) -> Array:
         """Where S is least."""
         return -self.x * (1.0 + self.y * q) / (1.0 + self.x**2)
 
-    def least_q(self, p: Array) -> Array:
+    def argmin_q(self, p: Array) -> Array:
         """Where S is least."""
         return -self.y * (1.0 + self.x * p) / (1.0 + self.y**2)
 
@@ -173,7 +173,7 @@ class MaterialEquation(Equation):
     steepest: float
 
     @property
-    def pull(self) -> float:
+    def dh_dz(self) -> float:
         """Z plays no part."""
         return 0.0
 
@@ -193,11 +193,11 @@ class MaterialEquation(Equation):
         scale = self.steepness * np.sqrt(1.0 + self.x**2 + self.y**2)
         return scale * np.sqrt(1.0 + self.x**2), scale * np.sqrt(1.0 + self.y**2)
 
-    def least_p(self, q: Array) -> Array:
+    def argmin_p(self, q: Array) -> Array:
         """Where a Lambertian surface is brightest."""
         return self._brightest(q, self.x, self.y, self.light.p0, self.light.q0)
 
-    def least_q(self, p: Array) -> Array:
+    def argmin_q(self, p: Array) -> Array:
         """Where a Lambertian surface is brightest."""
         return self._brightest(p, self.y, self.x, self.light.q0, self.light.p0)
 
@@ -226,7 +226,7 @@ class HeadlightEquation(Equation):
     """
 
     @property
-    def pull(self) -> float:
+    def dh_dz(self) -> float:
         """Z plays no part."""
         return 0.0
 
@@ -246,11 +246,11 @@ class HeadlightEquation(Equation):
         scale = self.brightness * np.sqrt(1.0 + self.x**2 + self.y**2)
         return scale * np.sqrt(1.0 + self.x**2), scale * np.sqrt(1.0 + self.y**2)
 
-    def least_p(self, q: Array) -> Array:
+    def argmin_p(self, q: Array) -> Array:
         """Where S is least."""
         return -self.x * self.y * q / (1.0 + self.x**2)
 
-    def least_q(self, p: Array) -> Array:
+    def argmin_q(self, p: Array) -> Array:
         """Where S is least."""
         return -self.x * self.y * p / (1.0 + self.y**2)
 

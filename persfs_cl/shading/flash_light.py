@@ -164,13 +164,6 @@ class FlashLight(Light):
     def upwind_model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.upwind_model`: for materials of which a brightness belongs to one angle."""
         model = self.model(reflectance)
-        if not reflectance.monotone:
-            raise InputError.about(
-                "scheme",
-                "upwind",
-                f"with {keyword('reflectance', reflectance)}: this material is not brightest face on, so that a "
-                f"brightness belongs to two angles. Use {keyword('scheme', 'lax-friedrichs')}.",
-            )
         if self.coaxial:
             return model
         kernels = ("elementary", reflectance.kernel, "steepness", "light_cone", "off_axis_lamp")
@@ -289,7 +282,7 @@ class FlashModel(_LampModel):
 
     def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
         """See :meth:`Model.numbers`."""
-        return {"steepest_log": self.reflectance.steepest_log, **self.reflectance.numbers}
+        return self.with_material(steepest_log=self.reflectance.steepest_log)
 
     def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
         """See :meth:`Model.equation`."""
@@ -372,12 +365,7 @@ class OffAxisModel(FlashModel):
     def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
         """The place of the lamp, see :meth:`Model.numbers`."""
         right, below, ahead = self.light.offset
-        return {
-            "lamp_x": right / unit,
-            "lamp_y": below / unit,
-            "lamp_z": ahead / unit,
-            **self.reflectance.numbers,
-        }
+        return self.with_material(lamp_x=right / unit, lamp_y=below / unit, lamp_z=ahead / unit)
 
     def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
         """See :meth:`Model.equation`."""

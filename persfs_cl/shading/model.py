@@ -76,6 +76,8 @@ class Light(ABC):
     def upwind_model(self, reflectance: Reflectance) -> Model:
         """The same for the upwind scheme, which wants the set of gradients {P : H(P) <= 0} to be convex.
 
+        Asked for materials of which a brightness belongs to one angle.
+
         Raises
         ------
         InputError
@@ -176,6 +178,20 @@ class Model(ABC):
     @abstractmethod
     def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
         """Numbers of light and material by the names that the kernels have for them; Z = 0 is the depth `unit`."""
+
+    def with_material(self, **of_light: float) -> dict[str, float]:
+        """Numbers of the light, and those of the material.
+
+        Raises
+        ------
+        ValueError
+            When both have one of the same name.
+        """
+        of_material = self.reflectance.numbers
+        if both := of_light.keys() & of_material.keys():
+            kinds = f"{type(self.light).__name__} and {type(self.reflectance).__name__}"
+            raise ValueError(f"{kinds} both have a number {min(both)!r} in their kernels: rename one.")
+        return {**of_light, **of_material}
 
     def parameters(
         self, grid: PixelGrid, *, sign: float = 1.0, max_slope: float = 1.0, unit: float = 1.0

@@ -100,13 +100,6 @@ class ParallelLight(Light):
 
     def upwind_model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.upwind_model`: for perfectly matt materials."""
-        if not reflectance.monotone:
-            raise InputError.about(
-                "scheme",
-                "upwind",
-                f"with {keyword('reflectance', reflectance)}: this material is not brightest face on, so that a "
-                f"brightness belongs to two angles. Use {keyword('scheme', 'lax-friedrichs')}.",
-            )
         if not reflectance.perfectly_matt:
             raise InputError.about(
                 "scheme",
@@ -224,7 +217,7 @@ class MaterialModel(_ParallelModel):
     def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
         """See :meth:`Model.numbers`."""
         steepness = self._survey(grid)[0]
-        return {**super().numbers(grid, unit), "steepness": steepness, **self.reflectance.numbers}
+        return self.with_material(**super().numbers(grid, unit), steepness=steepness)
 
     def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
         """See :meth:`Model.equation`."""

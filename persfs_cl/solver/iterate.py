@@ -16,7 +16,7 @@ from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Status
 
-Surface = tuple[NDArray[np.float64], NDArray[np.float64]]
+LogDepthAndDepth = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Log depth and depth."""
 
 _FREE_CORRECTIONS = 40
@@ -27,13 +27,13 @@ _QUEUE_SECONDS = 0.03
 
 
 @dataclass
-class Run:
+class Iteration:
     """What the iteration of some images that share launches came to, one entry an image.
 
-    The values of `grids` are those that the iteration has reached.
+    The values of `images` are those that the iteration has reached.
     """
 
-    grids: list[Image]
+    images: list[Image]
     changes: list[list[float]]
     statuses: list[Status]
     variant: str
@@ -41,20 +41,20 @@ class Run:
     kernel_seconds: float = 0.0
 
     @classmethod
-    def of(cls, device: Device, problems: Sequence[Problem], options: Options, callback: Callback | None) -> Run:
+    def of(cls, device: Device, problems: Sequence[Problem], options: Options, callback: Callback | None) -> Iteration:
         """Iterate to convergence at first order, and from there at second order if that is wanted."""
-        grids = [problem.numbers for problem in problems]
-        run = cls(grids, [[] for _ in grids], [Status.CONVERGED] * len(grids), "")
+        images = [problem.kernel_arguments for problem in problems]
+        run = cls(images, [[] for _ in images], [Status.CONVERGED] * len(images), "")
         kernels = problems[0].kernels
         run._advance(device, kernels, options, callback)
         if options["accuracy_order"] == 2:
             corrected = [place for place, status in enumerate(run.statuses) if status is Status.CONVERGED]
-            first_order = {place: run.grids[place].log_depth.copy() for place in corrected}
+            first_order = {place: run.images[place].log_depth.copy() for place in corrected}
             for only_lower in (False, True):
                 if only_lower:
                     # What does not settle may have gone anywhere.
                     for place in corrected:
-                        run.grids[place].log_depth[:] = first_order[place]
+                        run.images[place].log_depth[:] = first_order[place]
                 run._advance(device, kernels, options, callback, corrected, only_lower=only_lower)
                 corrected = [place for place in corrected if run.statuses[place] is Status.MAX_ITERATIONS]
         return run
@@ -70,7 +70,7 @@ class Run:
         only_lower: bool = False,
     ) -> None:
         """Iterate from where the images are: all at first order, or some that are `corrected` to second order."""
-        places = range(len(self.grids)) if corrected is None else corrected
+        places = range(len(self.images)) if corrected is None else corrected
         done = max(map(len, self.changes))
         most = options["max_iterations"]
         if not places or done >= most:
@@ -80,7 +80,7 @@ class Run:
         began = time.perf_counter()
         sweeper = Sweeper(
             device,
-            [self.grids[place] for place in places],
+            [self.images[place] for place in places],
             model=kernels,
             ordering=options["ordering"],
             precision=options["precision"],
@@ -96,16 +96,16 @@ class Run:
         self.variant = sweeper.variant
         changes, statuses = _iterate(sweeper, most, options["tolerance"], callback, done)
         self.kernel_seconds += sweeper.kernel_seconds
-        sweeper.copy_log_depth(self.grids[place].log_depth for place in places)
+        sweeper.copy_log_depth(self.images[place].log_depth for place in places)
         for number, place in enumerate(places):
             self.changes[place] += changes[number]
             self.statuses[place] = statuses[number]
 
-    def surfaces(self, problems: Sequence[Problem]) -> list[Surface]:
+    def surfaces(self, problems: Sequence[Problem]) -> list[LogDepthAndDepth]:
         """Log depth, in the place of the values, and depth of each image."""
         return [
-            problem.depth(grid.log_depth, converged=status is Status.CONVERGED)
-            for problem, grid, status in zip(problems, self.grids, self.statuses, strict=True)
+            problem.depth(image.log_depth, converged=status is Status.CONVERGED)
+            for problem, image, status in zip(problems, self.images, self.statuses, strict=True)
         ]
 
 

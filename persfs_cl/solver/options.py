@@ -17,8 +17,8 @@ from persfs_cl.checks import as_flag, as_number, as_whole_number, check_choice, 
 from persfs_cl.choices import Boundary, Precision, Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.light import require_light
-from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.lights import require_light
+from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
@@ -227,7 +227,7 @@ def complete(given: Options) -> Options:
         When there is no such keyword.
     """
     if unknown := given.keys() - _DESCRIBED.keys():
-        raise TypeError(f"reconstruct() got an unexpected keyword argument {min(unknown)!r}")
+        raise TypeError(f"There is no keyword argument {min(unknown)!r}: give some of {', '.join(_DESCRIBED)}.")
     options = cast(
         "Options",
         {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},
@@ -239,8 +239,8 @@ def complete(given: Options) -> Options:
         raise InputError.about(
             "boundary",
             boundary,
-            f"with {keyword('scheme', scheme.name)}: by this scheme nothing flows in from outside anyway. Use "
-            f"{keyword('boundary', 'wall')}, or {keyword('scheme', 'lax-friedrichs')}.",
+            f"with {keyword('scheme', scheme.name)}: {scheme.why_no_other_boundary}. Use "
+            f"{keyword('boundary', scheme.boundary(light))}, or {keyword('scheme', 'lax-friedrichs')}.",
         )
     if light.determines_depth and boundary == "extrapolate":
         remedy = f"use {keyword('boundary', 'wall')}."

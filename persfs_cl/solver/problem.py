@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +27,7 @@ from persfs_cl.solver.inputs import (
 )
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.schemes import scheme_for
-from persfs_cl.solver.schemes.scheme import MAX_SLOPE, Scheme
+from persfs_cl.solver.schemes.scheme import Scheme
 from persfs_cl.surface.discontinuities import fill_walls
 from persfs_cl.surface.geometry import Discontinuities
 from persfs_cl.wording import keyword
@@ -107,7 +108,7 @@ class Problem:
         return start
 
     @property
-    def numbers(self) -> Image:
+    def kernel_arguments(self) -> Image:
         """The problem as the kernels want it."""
         x_axis, y_axis = self.model.axes(self.grid)
         boundary = self.domain.boundary
@@ -123,7 +124,7 @@ class Problem:
             cells=boundary.cells,
             inwards=boundary.inwards,
             edges=boundary.edges,
-            rim_cells=self.scheme.outside is None,
+            outside=self.scheme.outside,
         )
 
     def corrected(self, image: NDArray[np.float64]) -> Problem:
@@ -258,7 +259,7 @@ def prepare(
     )
     require_relief(depths[layout.known][beside_solved])
     first: NDArray[np.float64] | float
-    max_slope = float(options["max_slope"] or MAX_SLOPE)
+    max_slope = cast("float", options["max_slope"])
     if light.determines_depth:
         shading, first, level = model.start(given, layout.solved, grid)
         highest_known = np.inf

@@ -192,8 +192,8 @@ def reconstruct_batch(
     settings = complete(options)
     given = _entries("images", images)
     count = len(given)
-    lists = {
-        "cameras": [cameras] * count if isinstance(cameras, Camera) else _entries("cameras", cameras),
+    lists: dict[str, list[Any]] = {
+        "camera": [cameras] * count if isinstance(cameras, Camera) else _entries("cameras", cameras),
         "mask": [None] * count if mask is None else _entries("mask", mask),
         "walls": [None] * count if walls is None else _entries("walls", walls),
         "known_depth": [None] * count if known_depth is None else _entries("known_depth", known_depth),
@@ -201,17 +201,19 @@ def reconstruct_batch(
     }
     for name, entries in lists.items():
         if len(entries) != count:
-            raise InputError(f"{name} has {len(entries)} entries for {count} images: give one an image.")
+            named = "cameras" if name == "camera" else name
+            raise InputError(f"{named} has {len(entries)} entries for {count} images: give one an image.")
     device = select_device(settings["device"])
     device.real(settings["precision"])
     chosen = time.perf_counter() - began
     # All before any is solved: a bad image must not be found only after others.
     problems: dict[int, Problem] = {}
     seconds = []
-    for number, (image, *rest) in enumerate(zip(given, *lists.values(), strict=True)):
+    for number, image in enumerate(given):
         began = time.perf_counter()
         with _naming(number, count):
-            problems[number] = prepare(image, *rest, options=settings)
+            own = {name: entries[number] for name, entries in lists.items()}
+            problems[number] = prepare(image, **own, options=settings)
         seconds.append(time.perf_counter() - began + chosen / count)
     callback = settings["callback"]
     watch = None if callback is None else Watch(callback)
@@ -239,7 +241,8 @@ def _naming(number: int, count: int) -> Iterator[None]:
         raise (error.at(f"images[{number}]") if count > 1 else error) from None
     except MemoryError as error:
         raise InputError(
-            f"images[{number}] does not fit into memory ({brief(error)}): reduce its size, or cut out a part."
+            f"images[{number}] does not fit into memory ({brief(error)}): reduce its size, cut out a part, or give "
+            "fewer images at a time."
         ) from error
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,10 @@ from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.equations import Equation, Slopes
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Boundary
-from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes.scheme import Indices, Scheme
+
+if TYPE_CHECKING:
+    from persfs_cl.solver.problem import Problem
 
 _QUADRANTS = ((0, 0), (1, 0), (0, 1), (1, 1))
 _HALVINGS = 56
@@ -145,7 +148,7 @@ class Reference:
             -equation.hamiltonian(self.sign * p, self.sign * q)
             + sigma_x * sum_x / (2.0 * dx)
             + sigma_y * sum_y / (2.0 * dy)
-        ) / (sigma_x / dx + sigma_y / dy + equation.pull)
+        ) / (sigma_x / dx + sigma_y / dy + equation.dh_dz)
         steepest_x = np.fmin(left, right) + self.max_slope * dx
         steepest_y = np.fmin(up, down) + self.max_slope * dy
         return np.asarray(np.fmin(value, np.fmin(steepest_x, steepest_y)))
@@ -171,11 +174,11 @@ class Reference:
 
         def along_x(value: Array) -> Slopes:
             p = per_x * (value - beside) + level_p
-            return p, equation.at(value).least_q(p)
+            return p, equation.at(value).argmin_q(p)
 
         def along_y(value: Array) -> Slopes:
             q = per_y * (value - above) + level_q
-            return equation.at(value).least_p(q), q
+            return equation.at(value).argmin_p(q), q
 
         def between(value: Array) -> Slopes:
             return per_x * (value - beside) + level_p, per_y * (value - above) + level_q
@@ -187,14 +190,14 @@ class Reference:
                 p, q = slopes(value)
                 there = equation.at(value)
                 rise_p, rise_q = there.gradient(p, q)
-                excess = there.hamiltonian(p, q) + equation.pull * (value if level is None else level)
+                excess = there.hamiltonian(p, q) + equation.dh_dz * (value if level is None else level)
                 beyond = (excess > 0.0) & (per_x * rise_p + per_y * rise_q > 0.0)
                 low, high = np.where(beyond, low, value), np.where(beyond, value, high)
             return low
 
         edge_x = allowed(along_x, beside - step_x, beside + step_x)
         edge_y = allowed(along_y, above - step_y, above + step_y)
-        if equation.pull and not both_edges:
+        if equation.dh_dz and not both_edges:
             now_x = allowed(along_x, beside - step_x, beside + 1e3 * step_x, here)
             now_y = allowed(along_y, above - step_y, above + 1e3 * step_y, here)
             edge_x, edge_y = np.where(now_x >= now_y, np.nan, edge_x), np.where(now_x < now_y, np.nan, edge_y)
@@ -214,8 +217,8 @@ class Reference:
         p = np.where(np.isnan(left + right), 0.0, (right - left) / (2.0 * self.grid.dx))
         q = np.zeros_like(p)
         for _ in range(3):
-            q = constrained(here, up, down, self.grid.dy, self.sign * equation.least_q(self.sign * p))
-            p = constrained(here, left, right, self.grid.dx, self.sign * equation.least_p(self.sign * q))
+            q = constrained(here, up, down, self.grid.dy, self.sign * equation.argmin_q(self.sign * p))
+            p = constrained(here, left, right, self.grid.dx, self.sign * equation.argmin_p(self.sign * q))
         return p, q
 
     def _update(self, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
 from persfs_cl.checks import warn
-from persfs_cl.solver.iterate import Run, Surface, Watch
+from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
@@ -41,8 +41,8 @@ the surface faces the camera these would come back larger from every round."""
 def solve_corrected(
     device: Device,
     problems: Sequence[Problem],
-    surfaces: list[Surface],
-    run: Run,
+    surfaces: list[LogDepthAndDepth],
+    run: Iteration,
     options: Options,
     watch: Watch | None,
 ) -> list[int]:
@@ -71,7 +71,7 @@ def solve_corrected(
         again, dim = zip(*(corrected(problems[place], surfaces[place][1]) for place in active), strict=True)
         if watch:
             watch.before = max(len(run.changes[place]) for place in active)
-        latest = Run.of(device, again, options, watch)
+        latest = Iteration.of(device, again, options, watch)
         run.kernel_seconds += latest.kernel_seconds
         run.build_seconds += latest.build_seconds
         going = []

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl.checks import FARTHEST, NEAREST, warn
-from persfs_cl.solver.iterate import Run, Watch, stop_at_once
+from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
 from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.rounds import solve_corrected
@@ -56,7 +56,7 @@ def solve(device: Device, problems: Sequence[Problem], options: Options, watch: 
         When pixels come out where they cannot be relied on.
     """
     began = time.perf_counter()
-    run = Run.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
+    run = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
     surfaces = run.surfaces(problems)
     rounds = None
     if problems[0].model.in_rounds:

@@ -50,10 +50,10 @@ class Confidence:
         height, width = self.slope_error.shape
         known = self.slope_error[~np.isnan(self.slope_error)]
         median = f", median slope error {np.median(known):.3g}" if known.size else ""
-        return f"<Confidence, {width} x {height} pixels{median}, {np.count_nonzero(self._doubtful)} unreliable>"
+        return f"<Confidence, {width} x {height} pixels{median}, {np.count_nonzero(self._unreliable)} unreliable>"
 
     @property
-    def _doubtful(self) -> Mask:
+    def _unreliable(self) -> Mask:
         """Pixels that are unreliable for any reason."""
         return np.asarray(np.logical_or.reduce([np.zeros(self.slope_error.shape, bool), *self.unreliable.values()]))
 
@@ -77,7 +77,7 @@ class Confidence:
             },
             "doubtful_pixels": {
                 **{reason: int(np.count_nonzero(pixels)) for reason, pixels in self.unreliable.items()},
-                "any": int(np.count_nonzero(self._doubtful)),
+                "any": int(np.count_nonzero(self._unreliable)),
             },
         }
 

@@ -15,8 +15,8 @@ from persfs_cl.errors import InputError
 from persfs_cl.maps import as_albedo
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
 from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.light import require_light
-from persfs_cl.shading.material import require_reflectance
+from persfs_cl.shading.lights import require_light
+from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
@@ -102,7 +102,7 @@ def render(
             raise InputError.about(
                 "discontinuities",
                 discontinuities,
-                "is none: give Solution.discontinuities, or persfs_cl.surface.geometry.Discontinuities.",
+                "is none: give Solution.discontinuities.",
             )
         discontinuities.check(values.shape)
     shape = values.shape[0], values.shape[1]

@@ -93,7 +93,7 @@ def test_arguments_are_those_of_the_compiler(device: ps.Device, monkeypatch: pyt
     usual = cl.Program.build
     monkeypatch.setattr(cl.Program, "build", lambda self, options: usual(self, [*options, "-cl-kernel-arg-info"]))
     problem = random_problem(1, (4, 4))
-    fields = list(problem.numbers.parameters)
+    fields = list(problem.kernel_arguments.parameters)
     about, private = cl.kernel_arg_info, cl.kernel_arg_address_qualifier.PRIVATE
     for files, constants, function in every_kernel(device, problem):
         # A constant that is not used makes a program of its own.

@@ -346,7 +346,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, orde
     def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
         shared = Sweeper(
             device,
-            [problem.numbers for problem in members],
+            [problem.kernel_arguments for problem in members],
             model=members[0].kernels,
             ordering=fitted(ordering, device, "float32"),
             precision="float32",
@@ -486,8 +486,8 @@ def test_least_slope_is_where_the_hamiltonian_is_least(light: ParallelLight) -> 
         equation = ParallelEquation(brightness, x, y, light, 30.0)
         expected_p = slopes[equation.hamiltonian(slopes, given).argmin()]
         expected_q = slopes[equation.hamiltonian(given, slopes).argmin()]
-        assert equation.least_p(given) == pytest.approx(expected_p, abs=2e-4)
-        assert equation.least_q(given) == pytest.approx(expected_q, abs=2e-4)
+        assert equation.argmin_p(given) == pytest.approx(expected_p, abs=2e-4)
+        assert equation.argmin_q(given) == pytest.approx(expected_q, abs=2e-4)
 
 
 def test_change_is_the_largest_over_the_iteration(device: Device, precision: str) -> None:

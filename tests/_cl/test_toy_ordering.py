@@ -36,7 +36,7 @@ __kernel void sweep(const int upwards,                 /* 1: rows from the botto
                     const int iteration,               /* index into changes                                  */
                     __global const float *changes,     /* see prelude                                         */
                     __global const uchar *flags,       /* shape (images, rows, stride)                        */
-                    __global const real *brightness,   /* E, marked as in cell.cl, same shape                 */
+                    __global const real *brightness,   /* E, marked as in update.cl, same shape                 */
                     __global real *log_depth,          /* same shape                                          */
                     __global int *sync)                /* sweeps of an image that did not rest, shape (images,) */
 {

@@ -132,12 +132,12 @@ def test_yardsticks_do_the_lexicographic_sweep(
     for seed, shape in enumerate([(3, 3), (5, 4), (17, 31), (40, 33)]):
         problem = framed_problem(seed, shape, surface)
         try:
-            baseline = make(problem.numbers, precision)
+            baseline = make(problem.kernel_arguments, precision)
         except UnavailableError as reason:
             pytest.skip(str(reason))
         sweeps = Sweeper(
             device,
-            [problem.numbers],
+            [problem.kernel_arguments],
             model=problem.kernels,
             ordering="lexicographic",
             precision=precision,
@@ -154,7 +154,7 @@ def test_yardsticks_do_the_lexicographic_sweep(
 
 
 def test_a_missing_or_failing_compiler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    grid = framed_problem(1, (5, 5), "away").numbers
+    grid = framed_problem(1, (5, 5), "away").kernel_arguments
     baselines._compiled.cache_clear()
     for compiler, reason in (("no-such-compiler", "no C compiler 'no-such-compiler'"), ("false", "failed")):
         monkeypatch.setenv("CC", compiler)

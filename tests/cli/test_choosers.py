@@ -16,8 +16,8 @@ from persfs_cl.cli.choosers import signature, takes
 from persfs_cl.cli.kinds import kind_chooser
 from persfs_cl.cli.options import chosen_keywords
 from persfs_cl.cli.reconstruct import reconstruct
-from persfs_cl.shading.light import LIGHTS
-from persfs_cl.shading.material import MATERIALS
+from persfs_cl.shading.lights import LIGHTS
+from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.solver.options import described
 
 

@@ -45,7 +45,7 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
     assert report["known"] == {"pixels": rim, "assumed": "z = 1 on the edge of the image or mask"}
     assert report["requested"] == {"focal_length": WIDTH, "fov": None, "principal_point": None, "device": None}
     assert report["camera"] == {
-        "source": "--focal-length",
+        "source": "focal_length",
         "horizontal_view": pytest.approx(np.degrees(2 * np.arctan(0.5))),
     }
     assert f"Focal length {WIDTH} pixels, by --focal-length: 53.1 degrees from left to right." in outcome.stderr
@@ -263,7 +263,7 @@ def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
 
     assert run("reconstruct", jpeg, "-o", out, "--overwrite", "--fov", "60").status == 0
     assert strict(out / "report.json")["requested"]["fov"] == 60
-    assert strict(out / "report.json")["camera"] == {"source": "--fov", "horizontal_view": pytest.approx(60.0)}
+    assert strict(out / "report.json")["camera"] == {"source": "fov", "horizontal_view": pytest.approx(60.0)}
     expected = ps.Camera.from_fov(60.0, (HEIGHT, WIDTH)).fx
     assert strict(out / "report.json")["parameters"]["focal_length"] == [expected] * 2
 

@@ -89,7 +89,7 @@ def test_a_camera_is_chosen_by_view_then_focal_length_then_exif(photo: Path) -> 
     shape = (16, 20)
     camera, source = CameraChoice(33.0, 60.0, (3.0, 4.0)).of(photo, shape)
     assert camera == ps.Camera.from_fov(60.0, shape, (3.0, 4.0))
-    assert source == "--fov"
+    assert source == "fov"
     assert horizontal_view(ps.Camera.from_fov(60.0, shape), shape) == pytest.approx(60.0)
     with pytest.raises(ps.CameraError, match=r"photo\.png has no EXIF data.* Or give fov, the horizontal field"):
         CameraChoice().of(photo, shape)

@@ -155,7 +155,7 @@ def test_the_reference_has_a_viscosity_that_bounds_the_slope(material: Any, surf
             slope = (equation.hamiltonian(p + a, q + b) - equation.hamiltonian(p - a, q - b)) / (2.0 * step)
             assert (np.abs(slope) <= bound * (1.0 + 1e-6)).all()
             assert np.abs(slope).max() > 0.3 * bound.max()
-        for least, along_p in ((equation.least_p(q), True), (equation.least_q(p), False)):
+        for least, along_p in ((equation.argmin_p(q), True), (equation.argmin_q(p), False)):
             if light is OBLIQUE:
                 continue  # of other materials the brightest matt surface is a guess
             lowest = equation.hamiltonian(least, q) if along_p else equation.hamiltonian(p, least)
@@ -175,7 +175,7 @@ def test_cases_cover_what_there_is_and_begin_with_what_matters(quick: bool) -> N
                 assert any(
                     (case.precision, case.ordering, case.scheme) == (precision, ordering, scheme) for case in swept[:12]
                 )
-    # Each is judged by one before it.
+    # Each is measured by one before it.
     for place, case in enumerate(listed):
         if case.ordering == "wavefront" and case.material == "Lambertian" and case.kind in ("sweeps", "shared image"):
             assert replace(case, ordering="lexicographic") in listed[:place]

@@ -16,7 +16,7 @@ from problems import random_problem, sweeper
 
 import persfs_cl as ps
 from persfs_cl._cl import program
-from persfs_cl.shading.material import MATERIALS
+from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance, floats, visible
 from persfs_cl.solver.reference import Reference
@@ -122,7 +122,7 @@ COMMAND = """
 import sys
 from pathlib import Path
 from persfs_cl._cl import program
-from persfs_cl.shading.material import MATERIALS
+from persfs_cl.shading.materials import MATERIALS
 from test_toy_material import Toy
 program.KERNEL_FOLDERS.append(Path(sys.argv.pop(1)))
 MATERIALS["toy"] = Toy

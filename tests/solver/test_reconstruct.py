@@ -17,7 +17,7 @@ from persfs_cl.choices import Boundary
 from persfs_cl.io.export import write_grey
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver import reconstruct as reconstruct_room
-from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.problem import Problem, prepare
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
 
@@ -405,11 +405,11 @@ def test_a_principal_point_outside_is_solved_with_a_warning_at_the_call() -> Non
 
 
 def test_each_image_is_prepared_once_however_many_launches_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual, prepared = reconstruct_room.prepare, []
+    prepared = []
 
     def counted(image: NDArray[np.float64], *rest: Any, **keywords: Any) -> Problem:
         prepared.append(image.shape)
-        return usual(image, *rest, **keywords)
+        return prepare(image, *rest, **keywords)
 
     monkeypatch.setattr(reconstruct_room, "prepare", counted)
     monkeypatch.setattr(reconstruct_room, "pieces", lambda shapes, *_: [[place] for place in range(len(shapes))])

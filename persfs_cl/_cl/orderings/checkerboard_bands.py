@@ -30,6 +30,8 @@ class CheckerboardBands(Ordering):
     """
 
     file: ClassVar[str] = "checkerboard_bands"
+    # Each half of a sweep reads the Z of both colours.
+    numbers_a_cell: ClassVar[int] = 4
     reason: ClassVar[str] = "The processors take bands of rows that fit into their caches, in vectors."
     sweeps_together: ClassVar[bool] = True
 

@@ -67,6 +67,8 @@ class Ordering:
         Whether sweeps can be launched one by one: it has :meth:`sweep`.
     sweeps_together : bool
         Whether one launch may do several sweeps, where no boundary is renewed between them.
+    numbers_a_cell : int
+        Numbers that a sweep must move for each cell: it reads Z and E and writes Z.
     corrections : int
         Iterations of second order that may be wanted for each of first order.
     lanes : int
@@ -85,6 +87,7 @@ class Ordering:
     vectors_down: ClassVar[bool] = False
     single_sweeps: ClassVar[bool] = True
     sweeps_together: ClassVar[bool] = False
+    numbers_a_cell: ClassVar[int] = 3
     corrections: ClassVar[int] = 2
 
     lanes: int = 1

@@ -44,6 +44,8 @@ class Scheme(ABC):
         Of accuracy.
     same_iterates : bool
         Whether kernels and reference have the same values after each sweep, and not only in the limit.
+    why_no_other_boundary : str
+        For who asks for one that is not among them.
     outside : float or None
         Value of cells that are not there, for schemes that only want it to be high; None for those that treat cells
         apart which lack a neighbour.
@@ -51,6 +53,7 @@ class Scheme(ABC):
 
     name: ClassVar[str]
     boundaries: ClassVar[tuple[str, ...]]
+    why_no_other_boundary: ClassVar[str] = "this scheme has no such boundary"
     highest_order: ClassVar[int] = 1
     same_iterates: ClassVar[bool] = True
     outside: ClassVar[float | None] = None

@@ -8,10 +8,12 @@ from typing import ClassVar
 
 from persfs_cl.arrays import Array
 from persfs_cl.choices import Boundary
+from persfs_cl.errors import InputError
 from persfs_cl.masks import NOWHERE
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.schemes.scheme import Indices, Scheme, Updates
+from persfs_cl.wording import keyword
 
 MAX_SLOPE_UPWIND = 5.0
 """Where the equation sets no bound, which this scheme takes at its word: a surface seen at 11 degrees from grazing."""
@@ -23,12 +25,21 @@ class Upwind(Scheme):
 
     name: ClassVar[str] = "upwind"
     boundaries: ClassVar[tuple[str, ...]] = ("fixed", "wall")
+    why_no_other_boundary: ClassVar[str] = "by this scheme nothing flows in from outside anyway"
     highest_order: ClassVar[int] = 2
     same_iterates: ClassVar[bool] = False
     outside: ClassVar[float | None] = NOWHERE
 
     def model(self, light: Light, reflectance: Reflectance) -> Model:
         """See :meth:`Scheme.model`."""
+        light.model(reflectance)
+        if not reflectance.monotone:
+            raise InputError.about(
+                "scheme",
+                self.name,
+                f"with {keyword('reflectance', reflectance)}: this material is not brightest face on, so that a "
+                f"brightness belongs to two angles. Use {keyword('scheme', 'lax-friedrichs')}.",
+            )
         return light.upwind_model(reflectance)
 
     def kernels(self, model: Model) -> tuple[str, ...]:
