@@ -93,7 +93,8 @@ def as_mask(name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, w
     pixels = as_array(name, given)
     if pixels.dtype != bool or (pixels.ndim != 2 if shape is None else pixels.shape != shape):
         wanted = "shape (height, width)" if shape is None else f"the {whose}'s shape {shape}"
-        raise unlike(name, given, f"is {pixels.dtype} of shape {pixels.shape}: give a bool array of {wanted}.")
+        hint = "" if pixels.dtype == bool else f", such as {name} > 0"
+        raise unlike(name, given, f"is {pixels.dtype} of shape {pixels.shape}: give a bool array of {wanted}{hint}.")
     return pixels
 
 

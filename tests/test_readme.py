@@ -8,12 +8,15 @@ import subprocess
 import sys
 import textwrap
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "persfs_cl").rglob("*.md")])
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(page for room in ("docs", "kernels", "persfs_cl") for page in (ROOT / room).rglob("*.md"))]
+)
 
 SHELL = ("bash", "console")
 # Commands that install the project or call these very tests: they are not run here.
@@ -109,6 +112,18 @@ def test_links_lead_to_files(page: Path) -> None:
         assert file or heading in headings, f"{page.name} links to {target}, but has no such heading"
     for path in PATH_IN_CODE.findall(prose):
         assert (ROOT / path).exists(), f"{page.name} names {path}, which does not exist"
+
+
+IMPORT = re.compile(r"from (persfs_cl[\w.]*) import ([\w, ]+)")
+
+
+def test_what_pages_import_is_there() -> None:
+    """In examples that are not run too: some take minutes, or want a tool."""
+    named = [(page, *found) for page in PAGES for found in IMPORT.findall(page.read_text(encoding="utf-8"))]
+    assert named
+    for page, module, names in named:
+        for name in names.split(","):
+            assert hasattr(import_module(module), name.strip()), f"{page.name} imports {name} from {module}"
 
 
 @pytest.mark.parametrize("name", ["demo.png", "walls.png"])
