@@ -128,7 +128,11 @@ def _place(option: str, text: str) -> tuple[float, ...]:
     except ValueError as error:
         message = f"{text!r} is not a place: an angle is a number of degrees between -80 and 80, as in 5deg."
         raise typer.BadParameter(message, param_hint=f"'{option}'") from error
-    return tuple(finite_numbers(option, ",".join(parts), "three numbers, right,down,forward", (3,)))
+    try:
+        return tuple(finite_numbers(option, ",".join(parts), "three numbers", (3,)))
+    except typer.BadParameter as error:
+        message = f"{text!r} is not three numbers, right,down,forward."
+        raise typer.BadParameter(message, param_hint=f"'{option}'") from error
 
 
 def _tangent(angle: str) -> float:

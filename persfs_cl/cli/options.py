@@ -140,8 +140,6 @@ def _keyword(name: str, kind: Any, option: Option) -> Parameter:
         f"--{name.replace('_', '-')}",
         metavar=metavar,
         help=option.help or None,
-        min=option.least,
-        max=option.most,
         callback=check,
         rich_help_panel=option.panel,
     )

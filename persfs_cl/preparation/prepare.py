@@ -7,6 +7,8 @@ fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
 
 from __future__ import annotations
 
+from persfs_cl.wording import keyword
+
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
@@ -312,13 +314,19 @@ def prepare_photo(
         inside = inside & ~masked
         if not inside.any():
             raise InputError(
-                f"All of the {np.count_nonzero(masked)} pixels are highlights or next to one: keep them, expose the "
-                "photo less, or say from which number on a pixel is saturated."
+                f"All of the {np.count_nonzero(masked)} pixels are highlights or next to one: take "
+                f"{keyword('highlights', 'keep')}, expose the photo less, or say from which number on a pixel is "
+                f"saturated, {keyword('saturation')}."
             )
     # Before smoothing, which would spread a highlight over its neighbours.
     if preparation.clip_highlights is not None:
         light, clipped = clip_highlights(light, mask=inside, percentile=preparation.clip_highlights)
     if preparation.mean_filter != 1:
+        if preparation.mean_filter > min(light.shape):
+            size = f"{light.shape[1]} × {light.shape[0]} pixels"
+            raise InputError.about(
+                "mean_filter", preparation.mean_filter, f"is larger than the photo, {size}: give a smaller width."
+            )
         light = mean_filter(light, preparation.mean_filter, inside)
     report = {
         "ambient": preparation.ambient if isinstance(preparation.ambient, float) else "an array",

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from persfs_cl._cl.orderings import ORDERINGS as REGISTERED
 from persfs_cl.choices import Boundary, Precision, Surface
 from persfs_cl.selftest.scenes import EVEN, FLASH, FRONTAL, LAMP, OBLIQUE
 from persfs_cl.shading.lambertian import Lambertian
@@ -16,8 +17,9 @@ from persfs_cl.shading.reflectance import Reflectance
 
 Kind = Literal["sweeps", "shared image", "second order", "render", "rate", "copy"]
 
-ORDERINGS = ("lexicographic", "wavefront", "checkerboard")
-"""The first gives the bits that the second must have."""
+FIRST = "lexicographic"
+ORDERINGS = (FIRST, *(name for name in REGISTERED if name != FIRST))
+"""The first gives the bits that all must have which are not coloured."""
 PRECISIONS = get_args(Precision)
 
 _LIGHTS: dict[str, Light] = {

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.orderings import ordering_for
+from persfs_cl._cl.orderings.ordering import Setup
 from persfs_cl._cl.probes import copier, device_seconds
 from persfs_cl._cl.selftest import explain
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench.workloads import iterations, smooth_problem
 from persfs_cl.bench.workloads import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.framed import bumps
-from persfs_cl.selftest.cases import Case
+from persfs_cl.selftest.cases import FIRST, Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
@@ -127,9 +129,8 @@ class Checks:
         same_iterates = SCHEMES[case.scheme].same_iterates
         if same_iterates:
             values = sweeper.log_depth()[0]
-            outcome.compare(
-                f"values after {_STEPS} iterations", _apart(values, self._iterated(case, _STEPS)), tolerance
-            )
+            expected = self._iterated(case, _STEPS, coloured=sweeper.ordering.coloured)
+            outcome.compare(f"values after {_STEPS} iterations", _apart(values, expected), tolerance)
         if not same_iterates or _limit_is_near(case):
             changes += self._to_the_limit(sweeper, case)
             values = sweeper.log_depth()[0]
@@ -137,7 +138,7 @@ class Checks:
                 outcome.compare("values in the limit", _apart(values, self._limit(case)), tolerance)
             else:
                 self._compare_upwind_limit(case, outcome, problem, values)
-        self._compare_bits(case, outcome, np.concatenate(changes), sweeper.log_depth()[0])
+        self._compare_bits(case, outcome, np.concatenate(changes), sweeper)
 
     def _shared_image(self, case: Case, outcome: Outcome) -> None:
         """An image that several work-groups share."""
@@ -145,14 +146,14 @@ class Checks:
         sweeper = self._sweeper(case, problem, outcome)
         changes = self._first_runs(sweeper, outcome)
         values = sweeper.log_depth()[0]
-        if case.ordering == "checkerboard":
+        if sweeper.ordering.coloured:
             # The reference takes its time for the others, of which the one has the bits of the other.
-            expected = self._iterated(case, _LARGE_STEPS)
+            expected = self._iterated(case, _LARGE_STEPS, coloured=True)
             # Rounded as the start values are, which in a large image are in the thousands.
             rounding = 4.0 * float(np.finfo(case.precision).eps) * float(problem.start.max())
             tolerance = max(TOLERANCES[case.precision], rounding)
             outcome.compare(f"values after {_LARGE_STEPS} iterations", _apart(values, expected), tolerance)
-        self._compare_bits(case, outcome, changes, values)
+        self._compare_bits(case, outcome, changes, sweeper)
 
     def _second_order(self, case: Case, outcome: Outcome) -> None:
         """From the limit of first order to that of second, which must lie nearer to the true surface."""
@@ -168,7 +169,7 @@ class Checks:
             log_depth, _ = problem.depth(reached, converged=True)
             errors.append(float(np.abs(log_depth - truth)[problem.domain.solved].mean()))
         outcome.compare("ln z and that of the true surface", errors[1], _SECOND_ORDER_SHARE * errors[0])
-        self._compare_bits(case, outcome, np.concatenate(changes), values)
+        self._compare_bits(case, outcome, np.concatenate(changes), sweeper)
 
     def _render(self, case: Case, outcome: Outcome) -> None:
         """The forward model against its formula."""
@@ -195,8 +196,10 @@ class Checks:
 
     def _rate(self, case: Case, outcome: Outcome) -> None:
         """Cell updates a second, over whole iterations."""
-        serial = case.ordering == "lexicographic"
-        problem = smooth_problem(_SERIAL_SIZE if serial else _RATE_SIZES[self.device.kind])
+        size = _RATE_SIZES[self.device.kind]
+        if ordering_for(case.ordering, Setup(self.device, case.precision, (size, size), 1)).serial:
+            size = _SERIAL_SIZE
+        problem = smooth_problem(size)
 
         def built() -> Sweeper:
             return sweeper_that_never_rests(self.device, problem, case.ordering, case.precision)
@@ -258,18 +261,17 @@ class Checks:
             changes.append(sweeper.run(_ITERATIONS_AT_A_TIME))
         return changes
 
-    def _compare_bits(
-        self, case: Case, outcome: Outcome, changes: NDArray[np.float64], values: NDArray[np.floating]
-    ) -> None:
-        """The wavefront's values and changes with those of the lexicographic case before, where that was done."""
-        key = replace(case, ordering="lexicographic")
-        if case.ordering == "lexicographic":
+    def _compare_bits(self, case: Case, outcome: Outcome, changes: NDArray[np.float64], sweeper: Sweeper) -> None:
+        """Values and changes with those of the lexicographic case before, where that was done."""
+        values = sweeper.log_depth()[0]
+        key = replace(case, ordering=FIRST)
+        if case == key:
             self._serial[key] = (changes, values)
-        elif case.ordering == "wavefront" and key in self._serial:
+        elif not sweeper.ordering.coloured and key in self._serial:
             serial_changes, serial_values = self._serial[key]
             if not (np.array_equal(changes, serial_changes) and np.array_equal(values, serial_values)):
                 count = np.count_nonzero(values != serial_values)
-                outcome.fail(f"wavefront and lexicographic do not give the same bits: {count} values differ")
+                outcome.fail(f"{case.ordering} and {FIRST} do not give the same bits: {count} values differ")
 
     def _compare_upwind_limit(
         self, case: Case, outcome: Outcome, problem: Problem, values: NDArray[np.floating]
@@ -285,10 +287,9 @@ class Checks:
         if apart <= tolerance:
             self._references[key] = values.astype(np.float64)
 
-    def _iterated(self, case: Case, count: int) -> NDArray[np.float64]:
-        """Values of the reference after so many iterations in the order of the case."""
-        coloured = case.ordering == "checkerboard"
-        key = replace(case, ordering="checkerboard" if coloured else "wavefront", precision="float64")
+    def _iterated(self, case: Case, count: int, *, coloured: bool) -> NDArray[np.float64]:
+        """Values of the reference after so many iterations, in the order of two colours or the lexicographic."""
+        key = replace(case, ordering="coloured" if coloured else FIRST, precision="float64")
         if (key, count) not in self._references:
             reference = _reference(case)
             for _ in range(count):

@@ -53,8 +53,6 @@ class Option:
         Under which heading the command lists it.
     choices : callable or None
         Gives the words that it may be.
-    least, most : float or None
-        Of a number.
     """
 
     default: Any
@@ -62,8 +60,6 @@ class Option:
     help: str = ""
     panel: str = _SOLVER
     choices: Callable[[], Sequence[str]] | None = None
-    least: float | None = None
-    most: float | None = None
     in_command: bool = True
     in_report: bool = True
 
@@ -172,14 +168,10 @@ class Options(TypedDict, total=False):
             1,
             _order,
             "2: once converged, upwind is corrected to second order where the surface is smooth.",
-            least=1,
-            most=2,
         ),
     ]
-    max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.", least=1)]
-    tolerance: Annotated[
-        float, Option(1e-5, _tolerance, "Ends when ln depth changes by no more in an iteration.", least=0.0)
-    ]
+    max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.")]
+    tolerance: Annotated[float, Option(1e-5, _tolerance, "Ends when ln depth changes by no more in an iteration.")]
     max_slope: Annotated[
         float | None,
         Option(

@@ -37,7 +37,7 @@ class Status(enum.Enum):
 
     CONVERGED = "The largest change over an iteration is at most the tolerance."
     MAX_ITERATIONS = (
-        "The iterations ran out before the tolerance was met: raise max_iterations, or accept a larger tolerance; "
+        "The iterations ran out before the tolerance was met: allow more of them, or accept a larger tolerance; "
         "where an off-axis lamp takes rounds, have it nearer to the camera."
     )
     STOPPED = "It was ended before the tolerance was met, by Ctrl-C or a callback: the surface is unfinished."

@@ -17,6 +17,7 @@ class Checkerboard(Ordering):
     """All cells of a colour, then all of the other."""
 
     file: ClassVar[str] = "checkerboard"
+    coloured: ClassVar[bool] = True
     # Each half of a sweep reads the Z of both colours.
     numbers_a_cell: ClassVar[int] = 4
     reason: ClassVar[str] = "All cells of a colour at a time, a work-item each, which suits a GPU."

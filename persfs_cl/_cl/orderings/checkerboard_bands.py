@@ -30,6 +30,7 @@ class CheckerboardBands(Ordering):
     """
 
     file: ClassVar[str] = "checkerboard_bands"
+    coloured: ClassVar[bool] = True
     # Each half of a sweep reads the Z of both colours.
     numbers_a_cell: ClassVar[int] = 4
     reason: ClassVar[str] = "The processors take bands of rows that fit into their caches, in vectors."

@@ -16,6 +16,7 @@ class Lexicographic(Ordering):
     """Cell by cell, one work-item an image."""
 
     file: ClassVar[str] = "lexicographic"
+    serial: ClassVar[bool] = True
     reason: ClassVar[str] = "One work-item follows the paper's loops, cell by cell."
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:

@@ -67,6 +67,10 @@ class Ordering:
         Whether sweeps can be launched one by one: it has :meth:`sweep`.
     sweeps_together : bool
         Whether one launch may do several sweeps, where no boundary is renewed between them.
+    coloured : bool
+        Whether cells of one colour follow those of another, and not the bits of the lexicographic order come out.
+    serial : bool
+        Whether one work-item takes a whole image, cell by cell.
     numbers_a_cell : int
         Numbers that a sweep must move for each cell: it reads Z and E and writes Z.
     corrections : int
@@ -87,6 +91,8 @@ class Ordering:
     vectors_down: ClassVar[bool] = False
     single_sweeps: ClassVar[bool] = True
     sweeps_together: ClassVar[bool] = False
+    coloured: ClassVar[bool] = False
+    serial: ClassVar[bool] = False
     numbers_a_cell: ClassVar[int] = 3
     corrections: ClassVar[int] = 2
 

@@ -16,6 +16,7 @@ class ThreeColours(Ordering):
     """All cells of a colour, then all of the next."""
 
     file: ClassVar[str] = "three_colours"
+    coloured: ClassVar[bool] = True
     # Each half of a sweep reads the Z of both colours.
     numbers_a_cell: ClassVar[int] = 4
     # Values come some pixels far in an iteration, and corrections have to go back and forth.
