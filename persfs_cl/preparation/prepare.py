@@ -7,8 +7,6 @@ fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
 
 from __future__ import annotations
 
-from persfs_cl.wording import keyword
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
@@ -31,6 +29,7 @@ from persfs_cl.preparation.normalise import (
     normalise_grey,
     normalise_linear,
 )
+from persfs_cl.wording import keyword
 
 Highlights = Literal["keep", "mask", "fill"]
 Normalise = Literal["linear", "grey", "none"]
