@@ -18,6 +18,7 @@ Slopes = tuple[Array, Array]
 
 _HALVINGS = 56
 """These take [0, 1] down to the rounding of a float64."""
+_ROUNDING = 2e-16
 
 
 @dataclass(frozen=True)
@@ -284,15 +285,29 @@ class LampEquation(ParallelEquation):
         return ParallelEquation(cosine, self.x, self.y, light, self.steepest)
 
     def _cosine(self, returned: Array) -> Array:
-        """By bisection, where it is not the brightness itself; above 1 where more returns than the material can."""
-        if self.reflectance.perfectly_matt:
+        """The cosine at which so much returns; above 1 where that is more than the material can.
+
+        Where it is not the brightness itself it is found by false position with halving, the Illinois method: far fewer
+        steps than by bisection, of which each takes a sweep of the reference.
+        """
+        material = self.reflectance
+        if material.perfectly_matt:
             return returned
         low, high = np.zeros_like(returned), np.ones_like(returned)
+        below, above = material.coaxial(low) - returned, material.coaxial(high) - returned
+        inside = (below < 0.0) & (above > 0.0)
+        found, kept = np.where(above > 0.0, 0.0, 1.0), np.zeros_like(returned)
         for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            darker = self.reflectance.coaxial(middle) < returned
-            low, high = np.where(darker, middle, low), np.where(darker, high, middle)
-        return np.where(returned > self.reflectance.brightest, returned / self.reflectance.brightest, low)
+            found = np.where(inside, low - below * (high - low) / np.where(inside, above - below, 1.0), found)
+            excess = material.coaxial(found) - returned
+            if (np.abs(excess[inside]) <= _ROUNDING).all():
+                break
+            darker = excess < 0.0
+            # The end that stays for the second time is given half its weight.
+            above = np.where(darker, np.where(kept < 0.0, 0.5 * above, above), excess)
+            below = np.where(darker, excess, np.where(kept > 0.0, 0.5 * below, below))
+            low, high, kept = np.where(darker, found, low), np.where(darker, high, found), np.where(darker, -1.0, 1.0)
+        return np.where(returned > material.brightest, returned / material.brightest, found)
 
 
 def _half_gradient_of_square_norm(p: Array, q: Array, x: Array, y: Array) -> Slopes:
