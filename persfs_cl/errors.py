@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -14,6 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_PLAIN = (str, int, float, complex, type(None), Path)
+_FEW = 16
 _Same = TypeVar("_Same", bound="Worded")
 _Argued = TypeVar("_Argued", bound="ArgumentError")
 
@@ -36,8 +37,8 @@ class Worded(Exception):  # noqa: N818  # no error by itself: warnings are such 
         The message.
     """
 
-    def __init__(self, message: str, *rest: object) -> None:
-        self.parts = parts(message)
+    def __init__(self, message: object = "", *rest: object) -> None:
+        self.parts = parts(str(message))
         super().__init__(worded(self.parts), *rest)
 
     def worded(self, spelling: Spelling) -> str:
@@ -81,10 +82,11 @@ class ArgumentError(PersfsError):
     argument : str or None
         Its name; None where no single one is to blame, as when a file cannot be read.
     value : object
-        What was given for it. Pickled, it becomes its `repr` where it cannot be pickled itself.
+        What was given for it. Pickled, it becomes its `repr`, but for a word, a number, or a few of them: an array may
+        be larger than what is left of the memory, and an object may not come back.
     """
 
-    def __init__(self, message: str, *rest: object, argument: str | None = None, value: object = None) -> None:
+    def __init__(self, message: object = "", *rest: object, argument: str | None = None, value: object = None) -> None:
         super().__init__(message, *rest)
         self.argument = argument
         self.value = value
@@ -106,11 +108,8 @@ class ArgumentError(PersfsError):
         return cls(f"{mention}{'' if why.startswith(':') else ' '}{why}", argument=argument, value=value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        try:
-            pickle.dumps(self.value)
-        except Exception:  # noqa: BLE001  # whatever an object raises that is asked for its bytes
-            return _restored, (type(self), self.args), {**self.__dict__, "value": brief(self.value)}
-        return super().__reduce__()
+        value = self.value if _is_plain(self.value) else brief(self.value)
+        return _restored, (type(self), self.args), {**self.__dict__, "value": value}
 
 
 class InputError(ArgumentError, ValueError):
@@ -187,3 +186,10 @@ def _restored(kind: type[_Same], arguments: tuple[object, ...]) -> _Same:
     error = kind.__new__(kind)
     error.args = arguments
     return error
+
+
+def _is_plain(value: object) -> bool:
+    """Whether a value is a word, a number, or a few of them."""
+    if isinstance(value, (tuple, list)):
+        return len(value) <= _FEW and all(isinstance(each, _PLAIN) for each in value)
+    return isinstance(value, _PLAIN)

@@ -14,6 +14,7 @@ from numbers import Real
 from typing import Any, TypeAlias
 
 _BEGIN, _BETWEEN, _END = "\ud800", "\ud801", "\ud802"
+_MARKS_ESCAPED = {ord(mark): f"\\u{ord(mark):04x}" for mark in (_BEGIN, _BETWEEN, _END)}
 _MENTION = re.compile(f"{_BEGIN}([^{_BEGIN}{_END}]*){_END}")
 _NO_VALUE: Any = object()
 
@@ -97,6 +98,7 @@ def _line(write: Callable[[object], str], value: object) -> str:
         text = " ".join(write(value).split())
     except Exception:  # noqa: BLE001  # too many digits, or nested too deep: a message must not fail over it
         text = f"<{type(value).__name__}>"
+    text = text.translate(_MARKS_ESCAPED)
     return text if len(text) <= 80 else f"{text[:79]}…"
 
 

@@ -9,12 +9,13 @@ import pkgutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import persfs_cl as ps
 from persfs_cl.checks import warn
 from persfs_cl.errors import PersfsError, PersfsWarning, Worded
-from persfs_cl.wording import Mention, keyword
+from persfs_cl.wording import Mention, brief, keyword
 
 
 def kinds() -> list[type[PersfsError]]:
@@ -85,12 +86,32 @@ def test_places_and_remedies_leave_the_rest_as_it_was() -> None:
     assert (restored.worded(typed), restored.value) == (found.worded(typed), found.value)
 
 
-def test_a_value_that_cannot_be_pickled_is_told_of() -> None:
-    error = ps.InputError.about("callback", example, "cannot be called.")
-    assert pickle.loads(pickle.dumps(error)).value is example
-    unusual = ps.InputError.about("callback", value := (lambda: None), "cannot be called.")
-    assert unusual.value is value
-    assert pickle.loads(pickle.dumps(unusual)).value.startswith("<function")
+class OddError(Exception):
+    """Pickled, but not restored: it wants two arguments, and keeps one."""
+
+    def __init__(self, one: object, _other: object) -> None:
+        super().__init__(one)
+
+
+@pytest.mark.parametrize(
+    "value", [lambda: None, OddError(1, 2), np.ones((2000, 2000))], ids=["function", "odd", "array"]
+)
+def test_a_value_that_is_more_than_a_word_or_a_number_is_told_of_when_pickled(value: object) -> None:
+    error = ps.InputError.about("callback", value, "cannot be used.")
+    assert error.value is value
+    pickled = pickle.dumps(error)
+    assert len(pickled) < 2000
+    assert pickle.loads(pickled).value == brief(value)
+
+
+def test_marks_in_the_words_of_a_value_mark_nothing() -> None:
+    class Marked:
+        def __repr__(self) -> str:
+            return "\ud800a\ud801b\ud802"
+
+    error = ps.InputError.about("surface", Marked(), "is unknown.")
+    assert str(error) == "surface=\\ud800a\\ud801b\\ud802 is unknown."
+    assert str(ps.InputError()) == ""
 
 
 def test_the_functions_of_the_package_name_the_argument() -> None:

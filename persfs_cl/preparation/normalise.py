@@ -104,7 +104,9 @@ def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentil
         many = "Every pixel" if percentile == 100 else f"{percentile:g} %"
         raise InputError(
             f"{many} of the image is {darkest:g}: there is no shading in it. "
-            "Give another image, or a mask that takes in more of it."
+            "Give another image, or a mask that takes in more of it.",
+            argument="image",
+            value=image,
         )
     # What lies outside the mask may be anything.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -138,7 +140,9 @@ def brightest_diffuse(image: ArrayLike, *, mask: ArrayLike | None = None, percen
     if brightest <= 0:
         raise InputError(
             f"{percentile:g} % of the image is black: its brightest diffuse value cannot be told. "
-            "Give another image, or a mask that leaves out what is black around the object."
+            "Give another image, or a mask that leaves out what is black around the object.",
+            argument="image",
+            value=image,
         )
     return brightest
 
@@ -187,7 +191,9 @@ def normalise_linear(
     if negative:
         raise InputError(
             f"The image has {negative} negative pixels, the lowest {values[inside].min():g}: "
-            "linear light cannot be negative. Clip it at 0, or use normalise_grey."
+            "linear light cannot be negative. Clip it at 0, or use normalise_grey.",
+            argument="image",
+            value=image,
         )
     if brightest is None:
         brightest = brightest_diffuse(values, mask=inside, percentile=percentile)

@@ -29,7 +29,7 @@ from persfs_cl.preparation.normalise import (
     normalise_grey,
     normalise_linear,
 )
-from persfs_cl.wording import keyword
+from persfs_cl.wording import brief, keyword
 
 Highlights = Literal["keep", "mask", "fill"]
 Normalise = Literal["linear", "grey", "none"]
@@ -99,7 +99,7 @@ class Preparation:
 
     def __repr__(self) -> str:
         values = ((field.name, getattr(self, field.name)) for field in fields(self))
-        said = (f"{name}={value!r}" if _is_plain(value) else f"{name}=<array>" for name, value in values)
+        said = (f"{name}={'<array>' if isinstance(value, np.ndarray) else brief(value)}" for name, value in values)
         return f"Preparation({', '.join(said)})"
 
 
@@ -342,10 +342,6 @@ def prepare_photo(
         "mean_filter": preparation.mean_filter,
     }
     return PreparedPhoto(light, unfiltered, inside, below, saturated, specular, masked, filled, clipped, report)
-
-
-def _is_plain(value: object) -> bool:
-    return value is None or isinstance(value, str | int | float)
 
 
 def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:

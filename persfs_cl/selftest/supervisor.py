@@ -12,7 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
@@ -241,9 +241,11 @@ def _ending(status: int) -> str:
 
 def _read(process: subprocess.Popen[bytes], lines: queue.Queue[bytes | None]) -> None:
     pipe = process.stdout
-    if pipe is not None:
-        for line in pipe:
-            lines.put(line)
+    # Nobody waits for this thread when the process is ended: the pipe may be closed under it.
+    with suppress(ValueError, OSError):
+        if pipe is not None:
+            for line in pipe:
+                lines.put(line)
     lines.put(None)
 
 

@@ -57,17 +57,18 @@ def require_shading(
     # Both are NaN where one value is.
     extremes = np.array([(used.min(), used.max()) for used in blocks if used.size])
     darkest, brightest = float(extremes[:, 0].min()), float(extremes[:, 1].max())
+    why = None
     if not (math.isfinite(darkest) and math.isfinite(brightest)):
         bad = np.count_nonzero(~np.isfinite(brightness[solved]))
-        raise InputError(f"{name} holds {bad} NaN or infinite values inside the mask: mask them out.")
-    if darkest < 0.0 or brightest > most * (1.0 + 1e-6):
-        raise InputError(f"{name} ranges from {darkest:g} to {brightest:g}: {model.too_bright(most)}")
-    if brightest == 0.0:
-        raise InputError(f"{name} is all black inside the mask: it carries no shading to reconstruct from.")
-    if darkest == brightest and np.count_nonzero(solved) > 1 and np.isfinite(most):
-        raise InputError(
-            f"{name} is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from."
-        )
+        why = f"holds {bad} NaN or infinite values inside the mask: mask them out."
+    elif darkest < 0.0 or brightest > most * (1.0 + 1e-6):
+        why = f"ranges from {darkest:g} to {brightest:g}: {model.too_bright(most)}"
+    elif brightest == 0.0:
+        why = "is all black inside the mask: it carries no shading to reconstruct from."
+    elif darkest == brightest and np.count_nonzero(solved) > 1 and np.isfinite(most):
+        why = f"is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from."
+    if why:
+        raise InputError(f"{name} {why}", argument="image", value=brightness)
 
 
 def warn_of_steep_outline(

@@ -218,8 +218,9 @@ def complete(given: Options) -> Options:
     TypeError
         When there is no such keyword.
     """
-    if unknown := given.keys() - _DESCRIBED.keys():
-        raise TypeError(f"There is no keyword argument {min(unknown)!r}: give some of {', '.join(_DESCRIBED)}.")
+    unknown = next((name for name in given if name not in _DESCRIBED), None)
+    if unknown is not None:
+        raise TypeError(f"There is no keyword argument {unknown!r}: give some of {', '.join(_DESCRIBED)}.")
     options = cast(
         "Options",
         {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},

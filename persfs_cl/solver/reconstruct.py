@@ -202,7 +202,11 @@ def reconstruct_batch(
     for name, entries in lists.items():
         if len(entries) != count:
             named = "cameras" if name == "camera" else name
-            raise InputError(f"{named} has {len(entries)} entries for {count} images: give one an image.")
+            raise InputError(
+                f"{named} has {len(entries)} entries for {count} images: give one an image.",
+                argument=named,
+                value=entries,
+            )
     device = select_device(settings["device"])
     device.real(settings["precision"])
     chosen = time.perf_counter() - began

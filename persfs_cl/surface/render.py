@@ -95,7 +95,9 @@ def render(
     values = depth_array(values)
     present = ~np.isnan(values)
     if not present.any():
-        raise InputError("depth holds no finite value inside the mask: there is nothing to render.")
+        raise InputError(
+            "depth holds no finite value inside the mask: there is nothing to render.", argument="depth", value=depth
+        )
     reflecting = None if albedo is None else as_albedo("albedo", albedo, present)
     if discontinuities is not None:
         if not isinstance(discontinuities, Discontinuities):
