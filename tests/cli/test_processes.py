@@ -192,6 +192,10 @@ def test_a_reader_that_left_is_no_reason_to_complain(depth: Path) -> None:
 def test_what_is_ignored_from_the_start_stays_so(number: str) -> None:
     script = f"""
 import os, signal
+# A test run in the background of a shell would hand on that some are ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for usual in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(usual, signal.SIG_DFL)
 signal.signal(signal.{number}, signal.SIG_IGN)
 from persfs_cl.cli.interrupts import raising
 from persfs_cl.cli.signals import answer, leave_at_once
