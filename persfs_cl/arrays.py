@@ -9,3 +9,5 @@ Array = NDArray[np.float64]
 """Numbers in double precision."""
 Mask = NDArray[np.bool_]
 """A set of pixels: True where one belongs to it."""
+Indices = NDArray[np.intp]
+"""Places in arrays."""

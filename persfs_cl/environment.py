@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from persfs_cl._cl.device import Device
+from persfs_cl._cl.device import Device, usable_cores
 
 _PACKAGES = ("persfs-cl", "numpy", "pyopencl", "pocl-binary-distribution", "numba", "scikit-fmm", "pymeshfix")
 
@@ -64,13 +64,6 @@ def processor() -> str:
             if name.strip() == "model name":
                 return value.strip()
     return platform.processor() or platform.machine()
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _versions() -> dict[str, str]:

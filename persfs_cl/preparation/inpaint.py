@@ -10,11 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from persfs_cl.arrays import Array, Mask
-
-Indices = NDArray[np.intp]
+from persfs_cl.arrays import Array, Indices, Mask
 
 _TOLERANCE = 1e-12
 """Residual of the equations, as a share of their right-hand side."""

@@ -16,24 +16,20 @@ from persfs_cl.camera import Camera
 from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
-from persfs_cl.scenes.exposure import Exposure, checked_shape, frame, put_together, square_camera, turn
+from persfs_cl.scenes.exposure import FRONTAL, MATT, Exposure, checked_shape, frame, put_together, square_camera, turn
 from persfs_cl.scenes.scene import Scene
-from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
-from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import brief
 
 VaseKnown = Literal["background and frame", "background"]
-_FRONTAL = ParallelLight()
-_MATT = Lambertian()
 
 
 def vase(
     shape: tuple[int, int] = (100, 100),
     *,
-    light: Light = _FRONTAL,
-    reflectance: Reflectance = _MATT,
+    light: Light = FRONTAL,
+    reflectance: Reflectance = MATT,
     bits: int | None = 8,
     noise: float = 0.0,
     seed: int = 0,
@@ -118,8 +114,8 @@ def hillside(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: Light = _FRONTAL,
-    reflectance: Reflectance = _MATT,
+    light: Light = FRONTAL,
+    reflectance: Reflectance = MATT,
     surface: Surface = "away",
     bits: int | None = None,
     noise: float = 0.0,
@@ -193,8 +189,8 @@ def sphere_cap(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: Light = _FRONTAL,
-    reflectance: Reflectance = _MATT,
+    light: Light = FRONTAL,
+    reflectance: Reflectance = MATT,
     surface: Surface = "away",
     bits: int | None = None,
     noise: float = 0.0,

@@ -22,8 +22,8 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 
-_FRONTAL = ParallelLight()
-_MATT = Lambertian()
+FRONTAL = ParallelLight()
+MATT = Lambertian()
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Exposure:
     @property
     def brightest_on_top(self) -> bool:
         """Whether a peak or pit has E = 1, wherever in the image it is."""
-        return self.light == _FRONTAL and self.reflectance == _MATT
+        return self.light == FRONTAL and self.reflectance == MATT
 
     def of(self, depth: Array, log_depth_gradient: tuple[Array, Array], grid: PixelGrid) -> Array:
         """The image of a surface."""

@@ -15,23 +15,18 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import check_choice, check_positive
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
-from persfs_cl.scenes.exposure import Exposure, put_together, square_camera, turn
+from persfs_cl.scenes.exposure import FRONTAL, MATT, Exposure, put_together, square_camera, turn
 from persfs_cl.scenes.scene import Scene
-from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
-from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-
-_FRONTAL = ParallelLight()
-_MATT = Lambertian()
 
 
 def bump(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: Light = _FRONTAL,
-    reflectance: Reflectance = _MATT,
+    light: Light = FRONTAL,
+    reflectance: Reflectance = MATT,
     surface: Surface = "away",
     bits: int | None = None,
     noise: float = 0.0,
@@ -101,8 +96,8 @@ def bumps(
     shape: tuple[int, int] = (100, 100),
     *,
     focal_length: float | tuple[float, float] | None = None,
-    light: Light = _FRONTAL,
-    reflectance: Reflectance = _MATT,
+    light: Light = FRONTAL,
+    reflectance: Reflectance = MATT,
     surface: Surface = "away",
     bits: int | None = None,
     noise: float = 0.0,

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from persfs_cl.arrays import Array, Mask
+from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
 
-Indices = NDArray[np.intp]
 _CANDIDATES = 1 << 18
 """Pairs of triangle and pixel that are looked at together: some 100 MB."""
 _ROUNDING = 1e-9

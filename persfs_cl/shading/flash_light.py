@@ -6,6 +6,7 @@ All of them in one file, since the light makes the models, and each model reads 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -256,7 +257,9 @@ class HeadlightModel(_LampModel):
         """See :meth:`Model.numbers`."""
         return self.reflectance.numbers
 
-    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
         """See :meth:`Model.equation`."""
         return HeadlightEquation(brightness, x, y)
 
@@ -284,7 +287,9 @@ class FlashModel(_LampModel):
         """See :meth:`Model.numbers`."""
         return self.with_material(steepest_log=self.reflectance.steepest_log)
 
-    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
         """See :meth:`Model.equation`."""
         return FlashEquation(brightness, x, y, self.reflectance)
 
@@ -367,7 +372,9 @@ class OffAxisModel(FlashModel):
         right, below, ahead = self.light.offset
         return self.with_material(lamp_x=right / unit, lamp_y=below / unit, lamp_z=ahead / unit)
 
-    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
         """See :meth:`Model.equation`."""
         nowhere = np.zeros_like(brightness)
         direction = Direction(nowhere, nowhere, nowhere)
@@ -384,7 +391,7 @@ class OffAxisModel(FlashModel):
         farther = (along + np.sqrt(np.maximum(excess, 0.0))) / square_ray
         return np.asarray(np.log(np.maximum(farther, self.nearest_depth(x, y))))
 
-    def nearest_depth(self, x: Array, y: Array) -> Array | float:
+    def nearest_depth(self, x: Array, y: Array) -> Array:
         """Depth at which the equation ends, of rays (x, y, 1), as in kernels/models/off_axis_lamp.cl.
 
         It lies beyond the point of the ray that is nearest to the lamp, by some margin, and beyond the lamp's plane.

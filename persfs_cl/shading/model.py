@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -224,8 +225,13 @@ class Model(ABC):
         return np.zeros_like(coordinate)
 
     @abstractmethod
-    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
-        """The same Hamiltonian in plain NumPy at some pixels of an image, for the reference."""
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
+        """The same Hamiltonian in plain NumPy at some pixels of an image, for the reference.
+
+        `numbers` are those of :meth:`numbers`, found once for the image.
+        """
 
     # What a scheme begins with.
 
@@ -266,9 +272,9 @@ class Model(ABC):
     def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
         """Pixels to solve where the equation gives no bound to the slope."""
 
-    def nearest_depth(self, x: Array, y: Array) -> Array | float:
-        """Depth at which the equation ends, of rays (x, y, 1); 0 where it has no end."""
-        return 0.0
+    def nearest_depth(self, x: Array, y: Array) -> Array | None:
+        """Depth at which the equation ends, of rays (x, y, 1); None when it has no end."""
+        return None
 
     def brightness_of_equation(self, log_depth: Array, p: Array, q: Array, x: Array, y: Array) -> tuple[Array, Array]:
         """Brightness of a surface by the equation, and by the light as it is, up to the same factor."""

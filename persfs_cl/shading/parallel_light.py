@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import ClassVar
@@ -148,7 +149,9 @@ class _ParallelModel(Model):
 class CosineModel(_ParallelModel):
     """Eq. (7): of a perfectly matt material."""
 
-    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
         """See :meth:`Model.equation`."""
         return ParallelEquation(brightness, x, y, self.light, steepest)
 
@@ -219,9 +222,11 @@ class MaterialModel(_ParallelModel):
         steepness = self._survey(grid)[0]
         return self.with_material(**super().numbers(grid, unit), steepness=steepness)
 
-    def equation(self, brightness: Array, x: Array, y: Array, grid: PixelGrid, steepest: float) -> Equation:
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
         """See :meth:`Model.equation`."""
-        return MaterialEquation(brightness, x, y, self.light, self.reflectance, self._survey(grid)[0], steepest)
+        return MaterialEquation(brightness, x, y, self.light, self.reflectance, numbers["steepness"], steepest)
 
     def brightest(self, grid: PixelGrid) -> float:
         """Over all normals and rays of the image."""

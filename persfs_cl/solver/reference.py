@@ -9,18 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.arrays import Array
+from persfs_cl.arrays import Array, Indices
 from persfs_cl.camera import PixelGrid
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.equations import Equation, Slopes
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.domain import Boundary
-from persfs_cl.solver.schemes.scheme import Indices, Scheme
+from persfs_cl.solver.schemes.scheme import Scheme
 
 if TYPE_CHECKING:
     from persfs_cl.solver.problem import Problem
@@ -207,10 +208,15 @@ class Reference:
         triangle[~((per_x * rise_p > 0.0) & (per_y * rise_q > 0.0))] = np.nan
         return np.asarray(np.fmin(np.fmin(np.fmin(edge_x, edge_y), triangle), highest))
 
+    @cached_property
+    def _numbers(self) -> dict[str, float]:
+        """Of light and material, for the whole image: some are searched for over all its rays."""
+        return self.model.numbers(self.grid, 1.0)
+
     def equation(self, rows: Indices, columns: Indices, steepest: float) -> Equation:
         """The equation at some cells."""
         x, y = self.grid.x[columns], self.grid.y[rows, 0]
-        return self.model.equation(self.brightness[rows, columns], x, y, self.grid, steepest)
+        return self.model.equation(self.brightness[rows, columns], x, y, self._numbers, steepest)
 
     def _gradient(self, here: Array, left: Array, right: Array, up: Array, down: Array, equation: Equation) -> Slopes:
         """Central differences; where a neighbour is missing (NaN) one-sided ones, as far as H falls along them."""

@@ -105,6 +105,8 @@ def solve(device: Device, problems: Sequence[Problem], options: Options, watch: 
 
 def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
     nearest = problem.model.nearest_depth(problem.grid.x, problem.grid.y)
+    if nearest is None:
+        return
     if count := int(np.count_nonzero(problem.domain.solved & (depth <= 1.001 * nearest))):
         warn(
             f"{count} pixels come out as near to the camera as the lamp of {keyword('light', problem.model.light)}, "

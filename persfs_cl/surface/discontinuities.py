@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.arrays import Array, Mask
+from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.preparation.highlights import dilate
 from persfs_cl.surface.geometry import Discontinuities
 
-Indices = NDArray[np.intp]
 Rows = NDArray[np.uint32]
 
 REACH = 8

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from solids import plate, rotation, strip
 
-from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.masks import connected
@@ -21,23 +21,6 @@ from persfs_cl.surface import geometry as surface
 
 SHAPE = (60, 80)
 CAMERA = Camera(focal_length=(90.0, 85.0))
-
-
-def rotation(angle: float, axis: tuple[float, float, float]) -> Array:
-    return np.asarray(trimesh.transformations.rotation_matrix(angle, axis))  # type: ignore[no-untyped-call]
-
-
-def strip(*profile: tuple[float, float], half_height: float = 9.0) -> trimesh.Trimesh:
-    """A profile in (x, z) pulled along y."""
-    points = np.array([(x, y, z) for x, z in profile for y in (-half_height, half_height)])
-    starts = range(0, len(points) - 2, 2)
-    faces = [(at + one, at + other, at + 2) for at in starts for one, other in ((0, 1), (1, 3))]
-    return trimesh.Trimesh(points, faces, process=False)
-
-
-def plate(half_width: float, half_height: float, depth: float) -> trimesh.Trimesh:
-    corners = [(x * half_width, y * half_height, depth) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
 
 
 @pytest.mark.parametrize("shape", [(60, 100), (100, 60)])

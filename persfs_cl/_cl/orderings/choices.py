@@ -6,9 +6,7 @@ known to take them. Elsewhere the wavefront goes tile by tile, and the checkerbo
 
 from __future__ import annotations
 
-import os
-
-from persfs_cl._cl.device import Device
+from persfs_cl._cl.device import usable_cores
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
 from persfs_cl._cl.orderings.ordering import Ordering, Setup
@@ -55,10 +53,4 @@ def _resources(setup: Setup) -> tuple[int, int, int]:
     """Cells of a vector, work-groups that have a processor each, and pixels of an image."""
     wide = lanes(setup.device, setup.precision)
     # A group that waits keeps its processor: more groups than processors would only be in each other's way.
-    return wide, _processors(setup.device), setup.shape[0] * setup.shape[1]
-
-
-def _processors(device: Device) -> int:
-    """Processors of the device that this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
-    return min(device.compute_units, len(affinity(0)) if affinity else os.cpu_count() or 1)
+    return wide, min(setup.device.compute_units, usable_cores()), setup.shape[0] * setup.shape[1]

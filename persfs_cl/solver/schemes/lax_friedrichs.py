@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from persfs_cl.arrays import Array
+from persfs_cl.arrays import Array, Indices
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.schemes.scheme import Indices, Scheme, Updates
+from persfs_cl.solver.schemes.scheme import Scheme, Updates
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from persfs_cl.arrays import Array
+from persfs_cl.arrays import Array, Indices
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Reflectance
-
-Indices = NDArray[np.intp]
 
 MAX_SLOPE = 30.0
 
