@@ -111,7 +111,7 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
             finally:
                 temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise _not_written(target, error) from error
+        raise not_written(target, error) from error
 
 
 @contextmanager
@@ -153,8 +153,42 @@ def filling(folder: FilePath) -> Iterator[Path]:
             with suppress(OSError):
                 place.rmdir()
         if isinstance(error, OSError):
-            raise _not_written(folder, error) from error
+            raise not_written(folder, error) from error
         raise
+
+
+@contextmanager
+def staging(folder: FilePath) -> Iterator[Path]:
+    """A temporary folder inside another, for things that are renamed to their places below it once they are whole.
+
+    It is removed when the block ends. What killed processes left in `folder` is removed first.
+
+    Parameters
+    ----------
+    folder : path
+        Made if needed, with the folders above it.
+
+    Yields
+    ------
+    Path
+
+    Raises
+    ------
+    InputError
+        When the operating system refuses.
+    """
+    final = as_path(folder)
+    try:
+        final.mkdir(parents=True, exist_ok=True)
+        with _reserved(final) as stem:
+            temporary = final / f"{stem}-stage"
+            temporary.mkdir()
+            try:
+                yield temporary
+            finally:
+                shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise not_written(folder, error) from error
 
 
 def is_temporary(path: Path) -> bool:
@@ -225,7 +259,7 @@ def read_bytes(path: FilePath) -> bytes:
 
 def json_text(value: Any) -> str:
     """A value as indented JSON, which every reader takes: null stands for NaN and infinity, which JSON has not."""
-    return json.dumps(_plain(value), indent=2, allow_nan=False)
+    return json.dumps(plain(value), indent=2, allow_nan=False)
 
 
 @contextmanager
@@ -308,11 +342,12 @@ def _machine() -> str:
     return uuid.uuid5(uuid.NAMESPACE_OID, text).hex[:8]
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A value as JSON has it: null stands for NaN and infinity."""
     if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
+        return {name: plain(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
+        return [plain(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -336,7 +371,8 @@ def _missing_folder(folder: Path) -> OSError:
     return OSError(code, os.strerror(code), str(folder))
 
 
-def _not_written(target: FilePath, error: OSError) -> InputError:
+def not_written(target: FilePath, error: OSError) -> InputError:
+    """The error that says why something cannot be written, with the remedy."""
     # NumPy and tifffile count the bytes that did not fit, but do not say why.
     otherwise = "Choose another path." if error.errno else "The disk is probably full: free some space."
     return InputError(f"{target} cannot be written: {_explained(error, otherwise)}")
