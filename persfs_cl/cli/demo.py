@@ -16,7 +16,7 @@ from persfs_cl.metrics import compare
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, solve_photo
 from persfs_cl.pipeline.optics import CameraChoice
-from persfs_cl.pipeline.results import write
+from persfs_cl.pipeline.results import EVERYTHING, write
 from persfs_cl.scenes.analytic import vase
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.reconstruct import reconstruct
@@ -75,7 +75,7 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
     )
     result = solve_photo(job)
     with writing():
-        write(result, folder)
+        write(result, folder, EVERYTHING)
     prepared, original = result.prepared_residual, result.photo_residual
     typer.echo(f"""\
 A Greek coin from Pompeii, a real photograph of 72 x 72 pixels: {result.solution.iterations} iterations.

@@ -1,15 +1,52 @@
-"""Where results go, checked before the work."""
+"""Which results are written, and where they go, checked before the work."""
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
+from persfs_cl.cli.spelling import WrongOption
+from persfs_cl.errors import InputError
 from persfs_cl.io.files import is_temporary
+from persfs_cl.surface.saving import GROUPS, Saving
 
 _OPTION = "'--output' / '-o'"
+_PANEL = "Results"
+
+SaveOption = Annotated[
+    str,
+    typer.Option(
+        metavar="ITEM,...",
+        help=f"What is written: {', '.join(GROUPS)}, or single files such as depth.tiff, normals.npy (the numbers) or "
+        "mesh.glb (also .ply, .obj, .stl).",
+        rich_help_panel=_PANEL,
+    ),
+]
+MeshFacesOption = Annotated[
+    int,
+    typer.Option(
+        metavar="N",
+        help="A mesh of more triangles is simplified to at most so many; 0 keeps all.",
+        rich_help_panel=_PANEL,
+    ),
+]
+
+
+def chosen_saving(save: str, mesh_faces: int) -> Saving:
+    """What `--save` and `--mesh-faces` ask for.
+
+    Raises
+    ------
+    WrongOption
+        When an item is unknown, or the number too small.
+    """
+    try:
+        return Saving.of(save, mesh_faces)
+    except InputError as error:
+        raise WrongOption(error) from error
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

@@ -11,7 +11,7 @@ from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
-from persfs_cl.cli.output import check_folder
+from persfs_cl.cli.output import MeshFacesOption, SaveOption, check_folder, chosen_saving
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption
@@ -23,6 +23,7 @@ from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options, complete
+from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 
 _REGION = "Region and known values"
 
@@ -74,14 +75,17 @@ def reconstruct(
             rich_help_panel=_REGION,
         ),
     ] = None,
+    save: SaveOption = "depth,mesh,pictures,preview,report",
+    mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     keywords: Options,
 ) -> None:
     """Reconstruct the surface that one photo shows.
 
-    The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes depth.npy, depth.tiff,
-    mesh.ply, report.json and the pictures depth.png, normals.png, relief.png, rendered.png, comparison.png,
-    confidence.png and convergence.png.
+    The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes what --save names: by
+    default depth.npy, depth.tiff, mesh.ply, report.json, the pictures depth.png, normals.png, relief.png, rendered.png,
+    comparison.png, confidence.png and convergence.png, and for pages preview.jpg, photo.jpg and relief.js.
     """
+    saving = chosen_saving(save, mesh_faces)
     for option, value in (
         ("'--normalise'", brightness.normalise),
         ("'--white-percentile'", brightness.white_percentile),
@@ -116,22 +120,31 @@ def reconstruct(
         stopped = interrupted()
     try:
         with writing():
-            files = write(result, output)
+            files = write(result, output, saving)
     except KeyboardInterrupt:
         stopped = True
+        saving = saving.without("pictures", "preview")
+        if not saving.files:
+            raise
         earlier = " Those in the folder are of an earlier run." if any(output.glob("*.png")) else ""
         typer.echo(
-            f"persfs-cl: interrupted; depth, mesh and report are still written, the pictures are not.{earlier} Ctrl-C "
-            "again to leave without.",
+            f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{earlier} Ctrl-C again to "
+            "leave without.",
             err=True,
         )
         with writing():
-            files = write(result, output, pictures=False)
+            files = write(result, output, saving)
     for file in files:
         typer.echo(file)
     typer.echo(_summary(result), err=True)
     if stopped:
         raise typer.Exit(INTERRUPTED)
+
+
+def _listed(saving: Saving) -> str:
+    """What is written, and the verb that goes with it."""
+    names = sorted({Path(file).stem for file in saving.files})
+    return f"{', '.join(names[:-1])} and {names[-1]} are" if len(names) > 1 else f"{names[0]} is"
 
 
 def _summary(result: PhotoSolution) -> str:

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from persfs_cl.arrays import Array
+from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.io.photos import Photo
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepare import PreparedPhoto
-from persfs_cl.surface.solution import Solution
-
-_WITHOUT_PICTURES = ("depth.npy", "depth.tiff", "mesh.ply", "report.json")
+from persfs_cl.surface.saving import PREVIEW, Saving
+from persfs_cl.surface.solution import Solution, write_files
+from persfs_cl.surface.solved import Derived
 
 
 @dataclass(frozen=True)
@@ -45,24 +46,32 @@ class PhotoSolution:
     @cached_property
     def prepared_residual(self) -> Errors:
         """Difference between the re-rendered image and the one that was solved, in grey levels, 0 to 255."""
-        return self.solution.residual()
+        self.compare(Derived(self.solution))
+        return self.prepared_residual
 
     @cached_property
     def photo_residual(self) -> Errors:
         """Difference between the re-rendered image and the photo itself, in grey levels, 0 to 255."""
+        self.compare(Derived(self.solution))
+        return self.photo_residual
+
+    def compare(self, derived: Derived) -> None:
+        """Find both residuals from one image, re-rendered or to be so."""
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
-        return self.solution.residual(np.minimum(self.unfiltered, self.solution.white))
+        photo = derived.residual(np.minimum(self.unfiltered, self.solution.white))
+        self.__dict__.update(prepared_residual=derived.prepared_residual, photo_residual=photo)
 
 
-def write(solved: PhotoSolution, folder: Path, *, pictures: bool = True) -> list[Path]:
-    """Write all results to a folder, or none.
+def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | None = None) -> list[Path]:
+    """Write results to a folder, all that are wanted or none.
 
     Parameters
     ----------
     solved : PhotoSolution
     folder : Path
-    pictures : bool
-        False leaves them out; depth, mesh and report remain.
+    saving : Saving
+    name : str, optional
+        By which pages call the photo; that of its file when not given.
 
     Returns
     -------
@@ -74,26 +83,33 @@ def write(solved: PhotoSolution, folder: Path, *, pictures: bool = True) -> list
     InputError
         When a file cannot be written.
     """
+    solution, prepared = solved.solution, solved.prepared
+    unreliable = {
+        "darker than the ambient light": prepared.below_ambient,
+        "highlight, left out": prepared.masked,
+        "highlight, filled": prepared.filled,
+        "saturated": prepared.saturated,
+        "clipped": prepared.clipped,
+    }
+    derived = Derived(solution, unreliable)
+    report = None
+    if "report.json" in saving.files:
+        solved.compare(derived)
+        report = {**solved.report, "grey_levels_photo": _grey_levels(solved)}
+    with filling(folder) as temporary:
+        written = write_files(temporary, solution, saving, derived, colour=solved.photo.colour, report=report)
+        if not set(PREVIEW).isdisjoint(saving.files):
+            colour = solved.photo.colour
+            written += write_preview(temporary, solution, colour, name=name or solved.photo.path.name)
+    return [folder / file for file in written]
+
+
+def _grey_levels(solved: PhotoSolution) -> dict[str, Any]:
     grey = solved.photo_residual
     untouched = {"ambient": 0.0, "vignetting": "none"}.items() <= solved.report["photo"].items()
     itself = "the photo itself" if untouched else "the photo itself, less ambient light and vignetting"
-    levels = {
+    return {
         "compared_with": f"{itself}, neither clipped nor filtered, with the white of the prepared image",
         "mean_error": grey.mean,
         "root_mean_square": grey.root_mean_square,
     }
-    report = {**solved.report, "grey_levels_photo": levels}
-    unreliable = {
-        "darker than the ambient light": solved.prepared.below_ambient,
-        "highlight, left out": solved.prepared.masked,
-        "highlight, filled": solved.prepared.filled,
-        "saturated": solved.prepared.saturated,
-        "clipped": solved.prepared.clipped,
-    }
-    keywords: dict[str, Any] = {"colour": solved.photo.colour, "report": report, "unreliable": unreliable}
-    if pictures:
-        return solved.solution.save(folder, **keywords, folder=True)
-    with filling(folder) as temporary:
-        for name in _WITHOUT_PICTURES:
-            solved.solution.save(temporary / name, **keywords)
-    return [folder / name for name in _WITHOUT_PICTURES]

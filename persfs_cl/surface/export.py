@@ -1,4 +1,4 @@
-"""Results written to files: meshes, reports and pictures."""
+"""Results written to files: meshes, arrays, reports and pictures."""
 
 from __future__ import annotations
 
@@ -6,9 +6,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.arrays import Array
 from persfs_cl.checks import warn
 from persfs_cl.errors import InputError
+from persfs_cl.io.export import write_grey
 from persfs_cl.io.files import atomic_path, json_text
+from persfs_cl.surface import plots as pictures
+from persfs_cl.surface.solved import Derived, SolvedSurface
 
 if TYPE_CHECKING:
     import trimesh
@@ -20,11 +27,62 @@ def write_mesh(target: Path, mesh: trimesh.Trimesh) -> None:
         mesh.export(temporary)
 
 
+def write_array(target: Path, values: NDArray[Any]) -> None:
+    """Write an array as .npy."""
+    with atomic_path(target) as temporary:
+        np.save(temporary, values, allow_pickle=False)
+
+
 def write_json(target: Path, *entries: Mapping[str, Any] | None) -> None:
     """Write mappings as one JSON object; of equal names the last one counts."""
     merged = {name: value for some in entries for name, value in (some or {}).items()}
     with atomic_path(target) as temporary:
         temporary.write_text(json_text(merged) + "\n", encoding="utf-8")
+
+
+def unit_of(surface: SolvedSurface) -> str:
+    """Unit of its depth, for labels."""
+    return "units of the light's gain" if surface.light.determines_depth else pictures.UNIT
+
+
+def drawings(
+    surface: SolvedSurface, derived: Derived, changes: Array, tolerance: float
+) -> dict[str, Callable[[Path], None]]:
+    """The pictures of a surface: by the file's name, what draws to a path.
+
+    Parameters
+    ----------
+    surface : SolvedSurface
+    derived : Derived
+        Of the surface; what no picture needs that is drawn is not computed.
+    changes : ndarray of float64, shape (iterations,)
+        max |ΔZ| over each iteration.
+    tolerance : float
+        Which ends the iteration.
+    """
+    unit, white = unit_of(surface), surface.white
+    return {
+        "depth.png": lambda path: pictures.depth_picture(path, surface.depth, unit=unit),
+        "normals.png": lambda path: pictures.normals_picture(path, derived.normals),
+        "relief.png": lambda path: pictures.relief_picture(
+            path,
+            surface.depth,
+            surface.camera,
+            surface.image,
+            unit=unit,
+            white=white,
+            discontinuities=surface.discontinuities,
+            normals=derived.normals,
+        ),
+        "rendered.png": lambda path: write_grey(path, derived.rendered / white),
+        "comparison.png": lambda path: pictures.comparison_picture(
+            path, surface.image, derived.rendered, white=white, photo_title="Prepared photograph"
+        ),
+        "confidence.png": lambda path: pictures.confidence_picture(
+            path, derived.confidence.slope_error, derived.confidence.unreliable
+        ),
+        "convergence.png": lambda path: pictures.convergence_picture(path, changes, tolerance),
+    }
 
 
 def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> list[str]:
@@ -33,9 +91,9 @@ def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> li
     Parameters
     ----------
     folder : Path
-        Where they become files, NAME.png.
+        Where they become files.
     drawings : mapping of str to callable
-        By the name, what draws to a path.
+        By the file's name, what draws to a path.
 
     Returns
     -------
@@ -48,8 +106,7 @@ def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> li
         When a file cannot be written.
     """
     drawn = []
-    for name, draw in drawings.items():
-        file = f"{name}.png"
+    for file, draw in drawings.items():
         try:
             draw(folder / file)
         except Exception as error:  # whatever a library that draws raises
@@ -57,8 +114,8 @@ def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> li
             if isinstance(error, InputError) and isinstance(error.__cause__, OSError):
                 raise
             warn(
-                f"{file} could not be drawn ({type(error).__name__}: {' '.join(str(error).split())}): depth, mesh, "
-                "report and other pictures are complete without it."
+                f"{file} could not be drawn ({type(error).__name__}: {' '.join(str(error).split())}): all other files "
+                "are complete without it."
             )
         else:
             drawn.append(file)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.arrays import Array
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import as_array
@@ -276,16 +276,15 @@ def mesh(
     return trimesh.Trimesh(
         vertices=vertices,
         faces=_faces(finite, discontinuities),
-        vertex_colors=None if colour is None else _rgb(colour, finite.shape)[finite],
+        vertex_colors=None if colour is None else rgb(colour, finite.shape)[finite],
         process=False,
     )
 
 
-def _faces(finite: NDArray[np.bool_], discontinuities: Discontinuities | None) -> NDArray[np.int64]:
+def _faces(finite: Mask, discontinuities: Discontinuities | None) -> NDArray[np.int64]:
     """Triangles of every 2x2 square with three joined pixels, as indices of the finite pixels."""
-    if discontinuities is not None:
-        discontinuities.check(finite.shape)
-    triangles = []
+    along_rows, along_columns = joined(finite, discontinuities)
+    found = []
     before = 0
     for rows in row_blocks(finite.shape):
         near = slice(rows.start, rows.stop + 1)
@@ -293,36 +292,85 @@ def _faces(finite: NDArray[np.bool_], discontinuities: Discontinuities | None) -
         # Where there is no finite pixel this is the index of the one before, which no triangle takes.
         vertex = (np.cumsum(present, dtype=np.int32) + np.int32(before - 1)).reshape(present.shape)
         before += int(np.count_nonzero(finite[rows]))
-        along_rows, along_columns = present[:, :-1] & present[:, 1:], present[:-1] & present[1:]
-        if discontinuities is not None:
-            along_rows &= ~discontinuities.right[near]
-            along_columns &= ~discontinuities.down[rows]
-        triangles.append(_triangles(vertex, along_rows, along_columns))
-    return np.concatenate(triangles, dtype=np.int64)
+        found.append(triangles(vertex, along_rows[near], along_columns[rows]))
+    return np.concatenate(found, dtype=np.int64)
 
 
-def _triangles(
-    vertex: NDArray[np.int32], along_rows: NDArray[np.bool_], along_columns: NDArray[np.bool_]
+def joined(finite: Mask, discontinuities: Discontinuities | None) -> tuple[Mask, Mask]:
+    """Where the surface goes on from a pixel to the next in its row, and to the next in its column.
+
+    Parameters
+    ----------
+    finite : ndarray of bool, shape (height, width)
+        Pixels of the surface.
+    discontinuities : Discontinuities, optional
+
+    Returns
+    -------
+    along_rows : ndarray of bool, shape (height, width - 1)
+    along_columns : ndarray of bool, shape (height - 1, width)
+
+    Raises
+    ------
+    InputError
+        When the discontinuities are not for that size.
+    """
+    along_rows, along_columns = finite[:, :-1] & finite[:, 1:], finite[:-1] & finite[1:]
+    if discontinuities is not None:
+        discontinuities.check(finite.shape)
+        along_rows &= ~discontinuities.right
+        along_columns &= ~discontinuities.down
+    return along_rows, along_columns
+
+
+def triangle_count(along_rows: Mask, along_columns: Mask) -> int:
+    """How many triangles :func:`triangles` makes of what is joined."""
+    return sum(int(np.count_nonzero(wanted)) for wanted in _corners(along_rows, along_columns))
+
+
+def triangles(
+    vertex: NDArray[np.int32], along_rows: Mask, along_columns: Mask, squares: Mask | None = None
 ) -> NDArray[np.int32]:
-    """Triangles between pixels of some indices, from what joins them to the next in the row and in the column."""
+    """Triangles of every 2x2 square with three joined pixels.
+
+    Parameters
+    ----------
+    vertex : ndarray of int32, shape (height, width)
+        Indices of the pixels, of which the triangles are made.
+    along_rows, along_columns : ndarray of bool
+        What is joined, see :func:`joined`.
+    squares : ndarray of bool, shape (height - 1, width - 1), optional
+        Which squares; all when not given.
+
+    Returns
+    -------
+    ndarray of int32, shape (n, 3)
+    """
     top_left, top_right = vertex[:-1, :-1], vertex[:-1, 1:]
     bottom_left, bottom_right = vertex[1:, :-1], vertex[1:, 1:]
+    kinds = (
+        (top_left, bottom_left, top_right),
+        (top_right, bottom_left, bottom_right),
+        (top_left, bottom_left, bottom_right),
+        (top_left, bottom_right, top_right),
+    )
+    found = []
+    for corners, there in zip(kinds, _corners(along_rows, along_columns), strict=True):
+        wanted = there if squares is None else there & squares
+        found.append(np.stack([corner[wanted] for corner in corners], axis=-1))
+    return np.concatenate(found)
+
+
+def _corners(along_rows: Mask, along_columns: Mask) -> tuple[Mask, Mask, Mask, Mask]:
+    """Squares with a triangle at the corner top left, bottom right, bottom left, and top right."""
     top, bottom, left, right = along_rows[:-1], along_rows[1:], along_columns[:, :-1], along_columns[:, 1:]
     at_top_left, at_bottom_right = top & left, bottom & right
     # The last two use the other diagonal, so each stands alone where the others are missing.
     neither = ~(at_top_left | at_bottom_right)
-    triangles = []
-    for corners, wanted in (
-        ((top_left, bottom_left, top_right), at_top_left),
-        ((top_right, bottom_left, bottom_right), at_bottom_right),
-        ((top_left, bottom_left, bottom_right), bottom & left & neither),
-        ((top_left, bottom_right, top_right), top & right & neither),
-    ):
-        triangles.append(np.stack([corner[wanted] for corner in corners], axis=-1))
-    return np.concatenate(triangles)
+    return at_top_left, at_bottom_right, bottom & left & neither, top & right & neither
 
 
-def _rgb(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+def rgb(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Grey or RGB pixels as RGB."""
     pixels = as_array("colour", colour)
     if pixels.dtype != np.uint8 or pixels.shape not in (shape, (*shape, 3)):

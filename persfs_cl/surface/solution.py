@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
-from persfs_cl.io.export import write_depth, write_grey
+from persfs_cl.io.export import write_depth
 from persfs_cl.io.files import FilePath, as_path, filling
 from persfs_cl.surface import plots as pictures
-from persfs_cl.surface.confidence import Confidence
-from persfs_cl.surface.export import draw_all, write_json, write_mesh
-from persfs_cl.surface.solved import SolvedSurface, Unreliable
+from persfs_cl.surface.export import draw_all, drawings, unit_of, write_array, write_json, write_mesh
+from persfs_cl.surface.saving import DEFAULT_MESH_FACES, PREVIEW, Saving
+from persfs_cl.surface.solved import Derived, SolvedSurface, Unreliable
 
 
 class Status(enum.Enum):
@@ -133,74 +133,35 @@ class Solution(SolvedSurface):
         >>> report["status"], report["pixels"]["solved"], report["parameters"]["scheme"]
         ('CONVERGED', 400, 'upwind')
         """
-        return self._report(self.render(), self.confidence(unreliable))
-
-    def _report(self, rendered: Array, confidence: Confidence) -> dict[str, Any]:
-        grey = self._residual(rendered, self.image)
-        height, width = self.depth.shape
-        return {
-            "status": self.status.name,
-            "meaning": self.status.value,
-            "iterations": self.iterations,
-            "changes": self.changes.tolist(),
-            "pixels": {
-                "all": self.depth.size,
-                "solved": int(self.solved.sum()),
-                "unreached": int(self.unreached.sum()),
-                "clamped": int(self.clamped.sum()),
-                "walls": 0 if self.walls is None else int(self.walls.sum()),
-                "walls_solved": 0 if self.walls is None else int((self.walls & self.solved).sum()),
-            },
-            "depth": _extremes(self.depth[self.solved]),
-            "grey_levels": {
-                "compared_with": "the prepared image",
-                "mean_error": grey.mean,
-                "root_mean_square": grey.root_mean_square,
-            },
-            "confidence": confidence.report(),
-            "seconds": {
-                "total": self.elapsed.total,
-                "kernels": self.elapsed.kernels,
-                "build": self.elapsed.build,
-            },
-            "parameters": {
-                "focal_length": [self.camera.fx, self.camera.fy],
-                "principal_point": list(self.camera.centre((height, width))),
-                "light": {"kind": type(self.light).__name__, **asdict(self.light)},
-                "reflectance": {"kind": type(self.reflectance).__name__, **asdict(self.reflectance)},
-                **self.parameters,
-            },
-            "device": {
-                "name": self.device.name,
-                "platform": self.device.platform,
-                "platform_version": self.device.platform_version,
-                "driver_version": self.device.driver_version,
-            },
-            "versions": {
-                "python": platform.python_version(),
-                **{name: version(name) for name in ("persfs-cl", "pyopencl", "numpy")},
-            },
-        }
+        return report_of(self, Derived(self, unreliable))
 
     def save(
         self,
         path: FilePath,
         *,
+        save: str | Iterable[str] = "depth,mesh,pictures,report",
+        mesh_faces: int | None = DEFAULT_MESH_FACES,
         colour: NDArray[np.uint8] | None = None,
         report: Mapping[str, Any] | None = None,
         unreliable: Unreliable | None = None,
         folder: bool = False,
     ) -> list[Path]:
-        """Write the surface to one file, or everything to a folder.
+        """Write the surface to one file, or several files to a folder.
 
         Parameters
         ----------
         path : path
             A file whose suffix says what is wanted: ``.npy``, ``.tif``, ``.tiff`` (depth, float32 in TIFF), ``.png``
             (picture of the depth), ``.ply``, ``.obj``, ``.stl``, ``.glb`` (mesh), ``.json`` (report). A name
-            without a suffix, or of a folder that exists, is a folder, made if needed, that receives depth.npy,
-            depth.tiff, depth.png, normals.png, relief.png, mesh.ply, rendered.png, comparison.png, confidence.png,
-            convergence.png and report.json. A picture that cannot be drawn is left out, with a warning.
+            without a suffix, or of a folder that exists, is a folder, made if needed.
+        save : str or iterable of str
+            What a folder receives: groups of files and names of single files; a text has commas between them. The
+            groups are "depth" (depth.npy, depth.tiff), "normals" (normals.png), "mesh" (mesh.ply), "pictures"
+            (depth.png, normals.png, relief.png, rendered.png, comparison.png, confidence.png, convergence.png) and
+            "report" (report.json). Single files may be others too: depth.tif, normals.npy (float32), mesh.obj,
+            mesh.stl, mesh.glb. A picture that cannot be drawn is left out, with a warning.
+        mesh_faces : int or None
+            As for :meth:`mesh`.
         colour : ndarray of uint8, optional
             Vertex colours of the mesh, as for :meth:`mesh`.
         report : mapping, optional
@@ -218,7 +179,7 @@ class Solution(SolvedSurface):
         Raises
         ------
         InputError
-            When the suffix is unknown or the file cannot be written.
+            When the suffix or an item is unknown or a file cannot be written.
 
         Examples
         --------
@@ -228,76 +189,147 @@ class Solution(SolvedSurface):
         >>> scene = ps.bump((20, 20), light=ps.FlashLight())
         >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
         >>> with TemporaryDirectory() as folder:
-        ...     solution.save(Path(folder) / "bump.ply")[0].name
-        'bump.ply'
+        ...     one = solution.save(Path(folder) / "bump.ply")
+        ...     some = solution.save(Path(folder) / "bump", save="depth,normals.npy", report={"photo": "bump.png"})
+        >>> [file.name for file in (*one, *some)]
+        ['bump.ply', 'depth.npy', 'depth.tiff', 'normals.npy']
         """
         target = as_path(path)
+        saving = Saving.of(save, mesh_faces)
+        if not set(PREVIEW).isdisjoint(saving.files):
+            raise InputError.about("save", save, "has previews, which 'persfs-cl' alone draws: leave them out.")
+        derived = Derived(self, unreliable)
         if target.suffix and not folder and not target.is_dir():
-            self._write(target, colour, report, unreliable)
+            self._write(target, derived, saving.mesh_faces, colour, report)
             return [target]
-        names = ("depth.npy", "depth.tiff", "mesh.ply", "report.json")
         with filling(target) as temporary:
-            for name in names[:2]:
-                self._write(temporary / name, colour, report, unreliable)
-            # Once for the report and all pictures: in a large photograph these take more memory than all the rest.
-            normals, rendered = self.normals(), self.render()
-            confidence = self._confidence(normals, unreliable)
-            write_json(temporary / "report.json", self._report(rendered, confidence), report)
-            drawn = self._draw(temporary, normals, rendered, confidence)
-            del normals, rendered, confidence
-            self._write(temporary / "mesh.ply", colour, report, unreliable)
-        return [target / name for name in (*names, *drawn)]
-
-    @property
-    def _unit(self) -> str:
-        return "units of the light's gain" if self.light.determines_depth else pictures.UNIT
+            written = write_files(temporary, self, saving, derived, colour=colour, report=report)
+        return [target / name for name in written]
 
     def _write(
         self,
         target: Path,
+        derived: Derived,
+        mesh_faces: int | None,
         colour: NDArray[np.uint8] | None,
         report: Mapping[str, Any] | None,
-        unreliable: Unreliable | None,
     ) -> None:
         suffix = target.suffix.lower()
         if suffix in (".npy", ".tif", ".tiff"):
             write_depth(target, self.depth)
         elif suffix == ".png":
-            pictures.depth_picture(target, self.depth, unit=self._unit)
+            pictures.depth_picture(target, self.depth, unit=unit_of(self))
         elif suffix in (".ply", ".obj", ".stl", ".glb"):
-            write_mesh(target, self.mesh(colour))
+            write_mesh(target, self.mesh(colour, mesh_faces=mesh_faces))
         elif suffix == ".json":
-            write_json(target, self.report(unreliable), report)
+            write_json(target, report_of(self, derived), report)
         else:
             raise InputError(
                 f"{target.name!r} has no known suffix: use .npy, .tiff, .png, .ply, .obj, .stl, .glb or .json, "
                 "or a folder name without suffix for everything."
             )
 
-    def _draw(self, folder: Path, normals: Array, rendered: Array, confidence: Confidence) -> list[str]:
-        """Names of the pictures drawn; one that cannot be is left out, with a warning, for nothing depends on it."""
-        white = self.white
-        drawings: dict[str, Callable[[Path], None]] = {
-            "depth": lambda path: pictures.depth_picture(path, self.depth, unit=self._unit),
-            "normals": lambda path: pictures.normals_picture(path, normals),
-            "relief": lambda path: pictures.relief_picture(
-                path,
-                self.depth,
-                self.camera,
-                self.image,
-                unit=self._unit,
-                white=white,
-                discontinuities=self.discontinuities,
-                normals=normals,
-            ),
-            "rendered": lambda path: write_grey(path, rendered / white),
-            "comparison": lambda path: pictures.comparison_picture(
-                path, self.image, rendered, white=white, photo_title="Prepared photograph"
-            ),
-            "confidence": lambda path: pictures.confidence_picture(path, confidence.slope_error, confidence.unreliable),
-            "convergence": lambda path: pictures.convergence_picture(path, self.changes, self.parameters["tolerance"]),
-        }
-        return draw_all(folder, drawings)
+
+def write_files(
+    folder: Path,
+    solution: Solution,
+    saving: Saving,
+    derived: Derived,
+    *,
+    colour: NDArray[np.uint8] | None = None,
+    report: Mapping[str, Any] | None = None,
+) -> list[str]:
+    """Write files of a surface one by one, all but previews.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists, and is not looked at by others before everything is in it.
+    solution : Solution
+    saving : Saving
+    derived : Derived
+        Of the solution. It is released before a mesh is made, which takes much memory too.
+    colour, report
+        As for :meth:`Solution.save`.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be written.
+    """
+    depths = [file for file in saving.files if file in ("depth.npy", "depth.tiff", "depth.tif")]
+    written = [*depths]
+    for file in depths:
+        write_depth(folder / file, solution.depth)
+    if "normals.npy" in saving.files:
+        write_array(folder / "normals.npy", derived.normals.astype(np.float32))
+        written.append("normals.npy")
+    if "report.json" in saving.files:
+        write_json(folder / "report.json", report_of(solution, derived), report)
+        written.append("report.json")
+    possible = drawings(solution, derived, solution.changes, solution.parameters["tolerance"])
+    written += draw_all(folder, {file: possible[file] for file in saving.files if file in possible})
+    derived.release()
+    meshes = [file for file in saving.files if file.startswith("mesh.")]
+    if meshes:
+        mesh = solution.mesh(colour, mesh_faces=saving.mesh_faces)
+        for file in meshes:
+            write_mesh(folder / file, mesh)
+    return [*written, *meshes]
+
+
+def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:
+    """The report of :meth:`Solution.report` from what is at hand of the surface."""
+    grey, confidence = derived.prepared_residual, derived.confidence
+    height, width = solution.depth.shape
+    return {
+        "status": solution.status.name,
+        "meaning": solution.status.value,
+        "iterations": solution.iterations,
+        "changes": solution.changes.tolist(),
+        "pixels": {
+            "all": solution.depth.size,
+            "solved": int(solution.solved.sum()),
+            "unreached": int(solution.unreached.sum()),
+            "clamped": int(solution.clamped.sum()),
+            "walls": 0 if solution.walls is None else int(solution.walls.sum()),
+            "walls_solved": 0 if solution.walls is None else int((solution.walls & solution.solved).sum()),
+        },
+        "depth": _extremes(solution.depth[solution.solved]),
+        "grey_levels": {
+            "compared_with": "the prepared image",
+            "mean_error": grey.mean,
+            "root_mean_square": grey.root_mean_square,
+        },
+        "confidence": confidence.report(),
+        "seconds": {
+            "total": solution.elapsed.total,
+            "kernels": solution.elapsed.kernels,
+            "build": solution.elapsed.build,
+        },
+        "parameters": {
+            "focal_length": [solution.camera.fx, solution.camera.fy],
+            "principal_point": list(solution.camera.centre((height, width))),
+            "light": {"kind": type(solution.light).__name__, **asdict(solution.light)},
+            "reflectance": {"kind": type(solution.reflectance).__name__, **asdict(solution.reflectance)},
+            **solution.parameters,
+        },
+        "device": {
+            "name": solution.device.name,
+            "platform": solution.device.platform,
+            "platform_version": solution.device.platform_version,
+            "driver_version": solution.device.driver_version,
+        },
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("persfs-cl", "pyopencl", "numpy")},
+        },
+    }
 
 
 def _extremes(values: Array) -> dict[str, float | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +19,10 @@ from persfs_cl.colour import to_display
 from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.surface import geometry as surface
+from persfs_cl.surface import geometry
 from persfs_cl.surface import render as forward
 from persfs_cl.surface.confidence import Confidence, cosine_to_light, slope_error
+from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -77,7 +79,7 @@ class SolvedSurface:
     device: Device
     albedo: Array | None = None
     walls: Mask | None = None
-    discontinuities: surface.Discontinuities | None = None
+    discontinuities: geometry.Discontinuities | None = None
 
     def normals(self) -> Array:
         """Unit normals towards the camera, shape (height, width, 3), in camera axes; NaN where not solved.
@@ -91,7 +93,7 @@ class SolvedSurface:
         >>> normals.shape, bool((normals[..., 2] < 0).all())
         ((20, 20, 3), True)
         """
-        return surface.normals(self.depth, self.camera, self.discontinuities)
+        return geometry.normals(self.depth, self.camera, self.discontinuities)
 
     def points(self) -> Array:
         """Points z (x, y, 1) in camera axes, shape (height, width, 3); NaN where not solved.
@@ -105,15 +107,23 @@ class SolvedSurface:
         >>> bool((points[..., 2] == solution.depth).all())
         True
         """
-        return surface.points(self.depth, self.camera)
+        return geometry.points(self.depth, self.camera)
 
-    def mesh(self, colour: NDArray[np.uint8] | None = None) -> trimesh.Trimesh:
+    def mesh(self, colour: NDArray[np.uint8] | None = None, *, mesh_faces: int | None = None) -> trimesh.Trimesh:
         """Triangle mesh, with no faces across unsolved pixels or discontinuities.
 
         Parameters
         ----------
         colour : ndarray of uint8, shape (height, width) or (height, width, 3), optional
             Vertex colours; the image itself, encoded for display, when not given.
+        mesh_faces : int, optional
+            A mesh of more triangles is simplified to at most so many, 100 or more: the outline, holes and cuts stay,
+            up to the error of the rest, and vertices are no pixels any more. None or 0 keeps all.
+
+        Raises
+        ------
+        InputError
+            When the colour is no image of the surface's size, or `mesh_faces` is no such number.
 
         Examples
         --------
@@ -123,10 +133,15 @@ class SolvedSurface:
         >>> mesh = solution.mesh()
         >>> mesh.vertices.shape, mesh.faces.shape
         ((400, 3), (722, 3))
+        >>> len(solution.mesh(mesh_faces=100).faces) <= 100
+        True
         """
+        most = as_mesh_faces(mesh_faces)
         if colour is None:
             colour = to_display(np.nan_to_num(self.image / self.white))
-        return surface.mesh(self.depth, self.camera, colour, self.discontinuities)
+        if most is not None:
+            return simplified_mesh(self.depth, self.camera, most, colour, self.discontinuities)
+        return geometry.mesh(self.depth, self.camera, colour, self.discontinuities)
 
     @property
     def white(self) -> float:
@@ -182,18 +197,7 @@ class SolvedSurface:
         >>> errors.count, errors.mean < 10
         (400, True)
         """
-        given = self.image if photo is None else as_floats("photo", photo)
-        if given.shape != self.image.shape:
-            raise InputError(f"photo has shape {given.shape}: give one of the image's shape {self.image.shape}.")
-        if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
-            raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
-        return self._residual(self.render(), given)
-
-    def _residual(self, rendered: Array, given: Array) -> metrics.Errors:
-        grey = 255.0 / self.white
-        seen = np.clip(rendered, 0.0, self.white)
-        seen *= grey
-        return metrics.compare(seen, grey * given)
+        return Derived(self).residual(photo)
 
     def confidence(self, unreliable: Unreliable | None = None) -> Confidence:
         """How far each pixel can be believed, as far as it can be told without knowing the surface.
@@ -223,17 +227,76 @@ class SolvedSurface:
         >>> list(solution.confidence({"in the dark": dark}).unreliable)
         ['unreached', 'clamped', 'in the dark']
         """
-        return self._confidence(self.normals(), unreliable)
+        return Derived(self, unreliable).confidence
 
-    def _confidence(self, normals: Array, unreliable: Unreliable | None) -> Confidence:
+
+class Derived:
+    """What several files of a surface are made from, each computed once, when first asked for.
+
+    In a large photograph these arrays take more memory than all the rest: they live as long as this object, or until
+    :meth:`release`.
+
+    Parameters
+    ----------
+    surface : SolvedSurface
+    unreliable : mapping of str to ndarray of bool, optional
+        As for :meth:`SolvedSurface.confidence`.
+    """
+
+    def __init__(self, surface: SolvedSurface, unreliable: Unreliable | None = None) -> None:
+        self.surface = surface
+        self._unreliable = unreliable
+
+    @cached_property
+    def normals(self) -> Array:
+        """See :meth:`SolvedSurface.normals`."""
+        return self.surface.normals()
+
+    @cached_property
+    def rendered(self) -> Array:
+        """See :meth:`SolvedSurface.render`."""
+        return self.surface.render()
+
+    @cached_property
+    def prepared_residual(self) -> metrics.Errors:
+        """Difference between the re-rendered image and the one that was solved; see :meth:`residual`."""
+        return self._residual(self.surface.image)
+
+    def residual(self, photo: Array | None = None) -> metrics.Errors:
+        """See :meth:`SolvedSurface.residual`."""
+        if photo is None:
+            return self.prepared_residual
+        given, shape = as_floats("photo", photo), self.surface.image.shape
+        if given.shape != shape:
+            raise InputError(f"photo has shape {given.shape}: give one of the image's shape {shape}.")
+        if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
+            raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
+        return self._residual(given)
+
+    def _residual(self, given: Array) -> metrics.Errors:
+        white = self.surface.white
+        grey = 255.0 / white
+        seen = np.clip(self.rendered, 0.0, white)
+        seen *= grey
+        return metrics.compare(seen, grey * given)
+
+    @cached_property
+    def confidence(self) -> Confidence:
+        """See :meth:`SolvedSurface.confidence`."""
+        unreliable, surface = self._unreliable, self.surface
         if unreliable is not None and not isinstance(unreliable, Mapping):
             raise InputError.about("unreliable", unreliable, "is no mapping: give maps of bool by their reasons.")
-        shape = self.depth.shape
+        shape = surface.depth.shape
         given = {
             reason: as_mask(f"unreliable[{reason!r}]", pixels, shape) for reason, pixels in (unreliable or {}).items()
         }
-        cosine = cosine_to_light(self.depth, normals, self.camera, self.light)
-        own = {"unreached": self.unreached, "clamped": self.clamped}
-        if self.walls is not None:
-            own["on a wall"] = self.walls
-        return Confidence(slope_error(cosine, self.reflectance), {**own, **given})
+        cosine = cosine_to_light(surface.depth, self.normals, surface.camera, surface.light)
+        own = {"unreached": surface.unreached, "clamped": surface.clamped}
+        if surface.walls is not None:
+            own["on a wall"] = surface.walls
+        return Confidence(slope_error(cosine, surface.reflectance), {**own, **given})
+
+    def release(self) -> None:
+        """Forget the arrays, for the memory; what is asked for again is computed again."""
+        for name in ("normals", "rendered", "confidence"):
+            self.__dict__.pop(name, None)

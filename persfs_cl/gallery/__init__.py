@@ -1,0 +1,1 @@
+"""What results look like: a preview of each image, and a page, a contact sheet and a table of many."""
