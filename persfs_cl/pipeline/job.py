@@ -31,7 +31,10 @@ from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.inputs import warn_of_steep_outline
 from persfs_cl.solver.options import Callback, Options
+from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.problem import prepare as as_problem
 from persfs_cl.solver.reconstruct import reconstruct
+from persfs_cl.surface.solution import Solution
 from persfs_cl.wording import keyword
 
 
@@ -218,6 +221,38 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     return PreparedJob(inputs, prepared, image, unfiltered, solvable, depths, report)
 
 
+def pose(ready: PreparedJob, options: Options) -> Problem:
+    """What is to be solved of a photo that is ready.
+
+    Parameters
+    ----------
+    ready : PreparedJob
+    options : Options
+        Complete, see :func:`persfs_cl.solver.options.complete`.
+
+    Raises
+    ------
+    PersfsError
+        Naming the photo.
+    """
+    inputs = ready.inputs
+    with _naming(inputs.job.path):
+        return as_problem(
+            ready.image,
+            inputs.camera,
+            mask=ready.mask,
+            walls=inputs.walls,
+            known_depth=ready.known_depth,
+            albedo=inputs.albedo,
+            options=options,
+        )
+
+
+def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:
+    """A photo with its surface."""
+    return PhotoSolution(solution, ready.inputs.photo, ready.prepared, ready.unfiltered, ready.report)
+
+
 def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution:
     """Reconstruct the surface of a photo that is ready.
 
@@ -245,7 +280,7 @@ def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution
             albedo=inputs.albedo,
             **keywords,
         )
-    return PhotoSolution(solution, inputs.photo, ready.prepared, ready.unfiltered, ready.report)
+    return finished(ready, solution)
 
 
 def solve_photo(job: Job, callback: Callback | None = None) -> PhotoSolution:

@@ -55,6 +55,26 @@ class PhotoSolution:
         self.compare(Derived(self.solution))
         return self.photo_residual
 
+    def figures(self, *, compared: bool) -> dict[str, Any]:
+        """Numbers for a table of many photos; the residual, which takes long, only where it is `compared` anyway."""
+        solution, camera = self.solution, self.report["camera"]
+        found = solution.depth[solution.solved]
+        figures: dict[str, Any] = {
+            "focal_length": [solution.camera.fx, solution.camera.fy],
+            "horizontal_view": camera["horizontal_view"],
+            "camera_source": camera["source"],
+            "depth_min": float(found.min()) if found.size else None,
+            "depth_median": float(np.median(found)) if found.size else None,
+            "depth_max": float(found.max()) if found.size else None,
+            "solved": int(found.size),
+            "unreached": int(np.count_nonzero(solution.unreached)),
+            "clamped": int(np.count_nonzero(solution.clamped)),
+        }
+        if compared:
+            residual = self.photo_residual
+            figures |= {"mean_error": residual.mean, "root_mean_square": residual.root_mean_square}
+        return figures
+
     def compare(self, derived: Derived) -> None:
         """Find both residuals from one image, re-rendered or to be so."""
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.

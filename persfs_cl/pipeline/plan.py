@@ -1,0 +1,184 @@
+"""What is to be done with every photo of a batch, and what tells whether it has been done."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.cameras import CameraTable
+from persfs_cl.pipeline.job import Job
+from persfs_cl.pipeline.listing import Input
+from persfs_cl.pipeline.manifest import Stamps
+from persfs_cl.pipeline.masks import mask_for
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.shading.lambertian import Lambertian
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.options import Options, complete
+from persfs_cl.surface.saving import Saving
+
+DEFAULT_ITEMS = "depth,normals,preview,report"
+"""What a batch writes of each photo."""
+
+_NOT_OF_THE_RESULT = ("device", "callback", "throw")
+_BLOCK = 2**20
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be done with every photo.
+
+    Attributes
+    ----------
+    camera : CameraChoice
+        Of photos that `cameras` does not tell of.
+    cameras : CameraTable or None
+        One entry a photo.
+    masks : Path or None
+        A folder with a mask for each photo.
+    mask, walls, known_depth, albedo : Path or None
+        Files for all photos, which must have their size.
+    brightness, light, reflectance, keywords
+        As for :class:`persfs_cl.pipeline.job.Job`.
+    saving : Saving
+    """
+
+    camera: CameraChoice = CameraChoice()
+    cameras: CameraTable | None = None
+    masks: Path | None = None
+    mask: Path | None = None
+    walls: Path | None = None
+    known_depth: Path | None = None
+    albedo: Path | None = None
+    brightness: Brightness = Brightness()
+    light: Light = ParallelLight()
+    reflectance: Reflectance = Lambertian()
+    keywords: Options = field(default_factory=Options)
+    saving: Saving = Saving.of(DEFAULT_ITEMS)
+
+    def job(self, one: Input, roots: Sequence[Path] = ()) -> Job:
+        """What is to be done with one photo.
+
+        Parameters
+        ----------
+        one : Input
+        roots : sequence of Path
+            Folders that the entries of the table of cameras may be relative to.
+
+        Raises
+        ------
+        PersfsError
+            When the table has no entry for it, or it has no mask.
+        """
+        return Job(
+            one.path,
+            self.camera if self.cameras is None else self.cameras.choice(one, roots),
+            self.brightness,
+            mask=self.mask if self.masks is None else mask_for(one, self.masks),
+            walls=self.walls,
+            known_depth=self.known_depth,
+            albedo=self.albedo,
+            light=self.light,
+            reflectance=self.reflectance,
+            keywords=self.keywords,
+            frame=one.frame,
+        )
+
+    def parameters(self) -> dict[str, Any]:
+        """All of it, as plain values for people to read."""
+        return {
+            "camera": _plain(self.camera),
+            "cameras": None if self.cameras is None else str(self.cameras.path),
+            **{name: _plain(getattr(self, name)) for name in ("masks", "mask", "walls", "known_depth", "albedo")},
+            "brightness": _plain(self.brightness),
+            "light": _plain(self.light),
+            "reflectance": _plain(self.reflectance),
+            **{name: value for name, value in self._completed().items() if name not in ("light", "reflectance")},
+            "files": list(self.saving.files),
+        }
+
+    def parameter_hash(self, job: Job) -> str:
+        """What changes whenever another result is to be expected of the same files."""
+        says = {
+            "camera": _plain(job.camera),
+            "brightness": _plain(job.brightness),
+            "light": _plain(job.light),
+            "reflectance": _plain(job.reflectance),
+            "keywords": self._completed(),
+            "frame": job.frame,
+            "saving": _plain(self.saving),
+        }
+        return _digest(json.dumps(says, sort_keys=True, default=_plain).encode())
+
+    def _completed(self) -> dict[str, Any]:
+        options = complete({**self.keywords, "light": self.light, "reflectance": self.reflectance})
+        return {name: _plain(value) for name, value in options.items() if name not in _NOT_OF_THE_RESULT}
+
+
+def sources(job: Job) -> dict[str, Path]:
+    """All files that a photo is solved from, by what they are."""
+    named = {**job.files, **vars(job.brightness)}
+    return {name: file for name, file in named.items() if isinstance(file, Path)}
+
+
+def stamps(job: Job) -> Stamps:
+    """Size and time of each file.
+
+    Raises
+    ------
+    OSError
+        When one cannot be looked at.
+    """
+    found = {}
+    for name, file in sources(job).items():
+        status = file.stat()
+        found[name] = (status.st_size, status.st_mtime_ns)
+    return found
+
+
+def input_hash(job: Job, stamped: Stamps) -> str:
+    """Of the bytes of all files.
+
+    Parameters
+    ----------
+    job : Job
+    stamped : mapping
+        Of :func:`stamps`: files that many photos have in common are read once for as long as it stays.
+
+    Raises
+    ------
+    OSError
+        When one cannot be read.
+    """
+    digests = {name: _file_digest(file, stamped[name]) for name, file in sources(job).items()}
+    return _digest(json.dumps(digests, sort_keys=True).encode())
+
+
+@lru_cache(maxsize=64)
+def _file_digest(file: Path, _stamp: tuple[int, int]) -> str:
+    found = hashlib.blake2b(digest_size=16)
+    with file.open("rb") as handle:
+        while block := handle.read(_BLOCK):
+            found.update(block)
+    return found.hexdigest()
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return {"kind": type(value).__name__, **{one.name: _plain(getattr(value, one.name)) for one in fields(value)}}
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)

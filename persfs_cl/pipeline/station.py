@@ -1,0 +1,368 @@
+"""One device at work: threads that read, one that solves, threads that write, all at once.
+
+What is held at any time is bounded: a photo is read only when there is room for all that will come of it, by its number
+of pixels, and gives the room back when its results are written. A photo that is larger than all the room is taken when
+there is nothing else.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from persfs_cl._cl.device import Device
+from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
+from persfs_cl.pipeline.headers import pixels_of
+from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, read_job
+from persfs_cl.pipeline.manifest import Record, now
+from persfs_cl.pipeline.plan import input_hash, stamps
+from persfs_cl.pipeline.results import PhotoSolution, write
+from persfs_cl.pipeline.store import Shelf
+from persfs_cl.solver.iterate import Watch
+from persfs_cl.solver.options import Options
+from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.solve import pieces, solve
+from persfs_cl.surface.saving import Saving
+from persfs_cl.surface.solution import Solution, Status
+from persfs_cl.told import Told, hearing
+from persfs_cl.version import package_version
+
+BYTES_PER_PIXEL = 500
+"""Of memory that a photo takes at most, from reading to writing, per pixel."""
+BYTES_PER_PHOTO = 2**20
+"""And whatever its size."""
+_LARGEST_GROUP = 2**24
+"""Pixels that share launches at most: their results appear together."""
+_ROOM_OF_READERS = 4
+"""Photos that wait to be written for each writer: more would only hold memory."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One photo to be done.
+
+    Attributes
+    ----------
+    number : int
+        By which its outcome is told apart.
+    name : str
+        Of its folder below the output.
+    job : Job
+    parameter_hash : str
+    attempts : int
+        How often it was tried before, on devices that failed.
+    """
+
+    number: int
+    name: str
+    job: Job
+    parameter_hash: str
+    attempts: int = 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a task.
+
+    Attributes
+    ----------
+    number : int
+    end : {"done", "failed", "dropped", "device"}
+        "dropped": it was not finished, because an end was asked for. "device": the device is to blame, or may be.
+    record : Record
+    error : PersfsError or None
+    solution : Solution or None
+        Where it is wanted.
+    """
+
+    number: int
+    end: Literal["done", "failed", "dropped", "device"]
+    record: Record
+    error: PersfsError | None = None
+    solution: Solution | None = None
+
+
+@dataclass(eq=False)
+class _Work:
+    """A task on its way."""
+
+    task: Task
+    room: int = 0
+    said: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    known: dict[str, Any] = field(default_factory=dict)
+    ready: PreparedJob | None = None
+    problem: Problem | None = None
+    solved: PhotoSolution | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        assert self.problem is not None  # noqa: S101 - for the type checker
+        return self.problem.image.shape
+
+
+class Room:
+    """Bytes that may be taken, in the order of asking."""
+
+    def __init__(self, size: int) -> None:
+        self._size, self._taken = size, 0
+        self._changed = threading.Condition()
+        self._turn = threading.Lock()
+
+    def take(self, wanted: int) -> int:
+        """Wait until there is room, and take it; what is larger than all waits for all. Returns what was taken."""
+        room = min(wanted, self._size)
+        # One at a time: small ones would overtake a large one for ever.
+        with self._turn, self._changed:
+            self._changed.wait_for(lambda: self._taken + room <= self._size)
+            self._taken += room
+        return room
+
+    def give_back(self, room: int) -> None:
+        """Give back what was taken."""
+        with self._changed:
+            self._taken -= room
+            self._changed.notify_all()
+
+
+class Station:
+    """A device with its threads.
+
+    Parameters
+    ----------
+    device : Device
+    shelf : Shelf or None
+        Where results are put.
+    saving : Saving
+        Which files.
+    options : Options
+        Complete, see :func:`persfs_cl.solver.options.complete`; the light and the material are the tasks' too.
+    memory : int
+        Bytes that photos may take together.
+    put : callable
+        Called with each outcome, by any thread.
+    solutions : bool
+        Whether outcomes carry the solution.
+    readers, writers : int
+        Numbers of threads.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        *,
+        shelf: Shelf | None,
+        saving: Saving,
+        options: Options,
+        memory: int,
+        put: Callable[[Outcome], None],
+        solutions: bool = False,
+        readers: int = 2,
+        writers: int = 2,
+    ) -> None:
+        self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
+        self._put, self._solutions = put, solutions
+        self._room = Room(memory)
+        self._inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
+        self._ready: deque[_Work] = deque()
+        self._changed = threading.Condition()
+        self._reading = readers
+        self._to_write: queue.Queue[_Work | None] = queue.Queue(_ROOM_OF_READERS * writers)
+        self._stopped = threading.Event()
+        self._readers = [threading.Thread(target=self._read_all, daemon=True) for _ in range(readers)]
+        self._solver = threading.Thread(target=self._solve_all, daemon=True)
+        self._writers = [threading.Thread(target=self._write_all, daemon=True) for _ in range(writers)]
+        for thread in (*self._readers, self._solver, *self._writers):
+            thread.start()
+
+    def add(self, task: Task) -> None:
+        """Have a task done, when its turn comes."""
+        self._inbox.put(task)
+
+    def stop(self) -> None:
+        """Drop what is not being written yet."""
+        self._stopped.set()
+
+    def finish(self) -> None:
+        """Wait until everything that was added has an outcome. Nothing can be added any more."""
+        for _ in self._readers:
+            self._inbox.put(None)
+        for thread in (*self._readers, self._solver):
+            thread.join()
+        for _ in self._writers:
+            self._to_write.put(None)
+        for thread in self._writers:
+            thread.join()
+
+    def _read_all(self) -> None:
+        while (task := self._inbox.get()) is not None:
+            work = _Work(task)
+            with self._ending(work):
+                self._read(work)
+                with self._changed:
+                    self._ready.append(work)
+                    self._changed.notify_all()
+        with self._changed:
+            self._reading -= 1
+            self._changed.notify_all()
+
+    def _read(self, work: _Work) -> None:
+        job = work.task.job
+        work.room = self._room.take(BYTES_PER_PHOTO + BYTES_PER_PIXEL * pixels_of(job))
+        with self._step(work, "read"):
+            with suppress(OSError):  # what the system refuses is said by those who read the files: they have the words
+                work.known["stamps"] = stamps(job)
+                work.known["input_hash"] = input_hash(job, work.known["stamps"])
+            inputs = read_job(job)
+            work.known["size"] = inputs.photo.image.shape[:2]
+        with self._step(work, "prepare"):
+            work.ready = prepare(inputs)
+            work.problem = pose(work.ready, self._options)
+
+    def _solve_all(self) -> None:
+        while group := self._next_group():
+            self._solve(group)
+
+    def _next_group(self) -> list[_Work]:
+        """The photo that has waited longest, with others that can share its launches; none when all are done."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ready or not self._reading)
+            if not self._ready:
+                return []
+            first = self._ready[0]
+            alike = [work for work in self._ready if work.shape == first.shape]
+            most = max(1, _LARGEST_GROUP // max(1, first.shape[0] * first.shape[1]))
+            members = next(pieces([work.shape for work in alike[:most]], self._device, self._options["precision"]))
+            group = [alike[number] for number in members]
+            for work in group:
+                self._ready.remove(work)
+            return group
+
+    def _solve(self, group: Sequence[_Work]) -> None:
+        began = time.perf_counter()
+        problems = [work.problem for work in group if work.problem is not None]
+        watch = Watch(lambda _iteration, _change: self._stopped.is_set())
+        said: list[Told] = []
+        try:
+            if self._stopped.is_set():
+                raise _Dropped
+            with hearing() as said:
+                solutions = solve(self._device, problems, self._options, watch)
+            if self._stopped.is_set() and any(solution.status is Status.STOPPED for solution in solutions):
+                raise _Dropped
+        except BaseException as error:  # noqa: BLE001 - every photo must have an outcome
+            if len(group) > 1 and not isinstance(error, _Dropped):
+                # Which of them is to blame shows when each has launches of its own.
+                for work in group:
+                    self._solve([work])
+                return
+            for work in group:
+                with self._ending(work):
+                    raise error
+            return
+        share = (time.perf_counter() - began) / len(group)
+        for place, (work, solution) in enumerate(zip(group, solutions, strict=True)):
+            work.seconds["solve"] = share
+            work.said += [one.message for one in said if one.place in (None, place)]
+            with self._ending(work):
+                assert work.ready is not None  # noqa: S101 - for the type checker
+                total = solution.elapsed.total + work.seconds["prepare"]
+                solution = replace(solution, elapsed=replace(solution.elapsed, total=total))  # noqa: PLW2901
+                work.solved = finished(work.ready, solution)
+                work.ready = work.problem = None
+                self._to_write.put(work)
+
+    def _write_all(self) -> None:
+        while (work := self._to_write.get()) is not None:
+            with self._ending(work):
+                if self._shelf is None:
+                    record = self._record(work, ())
+                else:
+                    record = self._shelf.put(work.task.name, lambda folder, work=work: self._fill(folder, work))
+                solution = work.solved.solution if self._solutions and work.solved else None
+                self._end(work, Outcome(work.task.number, "done", record, solution=solution))
+
+    def _fill(self, folder: Path, work: _Work) -> Record:
+        assert work.solved is not None  # noqa: S101 - for the type checker
+        with self._step(work, "write"):
+            files = write(work.solved, folder, self._saving, name=work.task.name)
+        return self._record(work, tuple(file.name for file in files))
+
+    def _record(self, work: _Work, files: tuple[str, ...]) -> Record:
+        assert work.solved is not None  # noqa: S101 - for the type checker
+        solution = work.solved.solution
+        return Record(
+            **self._about(work),
+            status="done",
+            converged=solution.status.name,
+            iterations=solution.iterations,
+            files=files,
+            figures=work.solved.figures(compared="report.json" in files),
+        )
+
+    def _about(self, work: _Work) -> dict[str, Any]:
+        """What is recorded of every photo, however it ended."""
+        return {
+            "name": work.task.name,
+            "path": str(work.task.job.path),
+            "warnings": tuple(work.said),
+            "parameter_hash": work.task.parameter_hash,
+            "version": package_version(),
+            "device": str(self._device),
+            "seconds": work.seconds,
+            "finished": now(),
+            **work.known,
+        }
+
+    def _end(self, work: _Work, outcome: Outcome) -> None:
+        work.ready = work.problem = work.solved = None
+        self._room.give_back(work.room)
+        work.room = 0
+        self._put(outcome)
+
+    @contextmanager
+    def _step(self, work: _Work, name: str) -> Iterator[None]:
+        """A part of the work: what it says and how long it takes is noted, and it is not begun after a stop."""
+        if self._stopped.is_set() and name != "write":
+            raise _Dropped
+        began = time.perf_counter()
+        with hearing() as said:
+            try:
+                yield
+            finally:
+                work.said += [one.message for one in said]
+                work.seconds[name] = time.perf_counter() - began
+
+    @contextmanager
+    def _ending(self, work: _Work) -> Iterator[None]:
+        """Whatever is raised becomes the outcome of the photo: one must not end the others."""
+        try:
+            yield
+        except _Dropped:
+            self._end(work, self._failure(work, "dropped", InputError("It was not finished, because an end was asked.")))
+        except (DeviceError, KernelBuildError) as error:
+            self._end(work, self._failure(work, "device", error))
+        except PersfsError as error:
+            self._end(work, self._failure(work, "failed", error))
+        except MemoryError:
+            error = InputError(f"{work.task.job.path} does not fit into memory: reduce its size, or allow less at a time.")
+            self._end(work, self._failure(work, "failed", error))
+        except Exception as error:  # noqa: BLE001 - one photo must not end the others
+            said = " ".join(str(error).split())
+            unforeseen = InputError(f"{work.task.job.path}: {type(error).__name__}, which should not happen: {said}")
+            self._end(work, self._failure(work, "failed", unforeseen))
+
+    def _failure(self, work: _Work, end: Literal["failed", "dropped", "device"], error: PersfsError) -> Outcome:
+        said = {"kind": type(error).__name__, "message": str(error)}
+        return Outcome(work.task.number, end, Record(**self._about(work), status="failed", error=said), error)
+
+
+class _Dropped(Exception):  # noqa: N818 - no error: an end was asked for
+    pass
