@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     import PIL.Image
     import tifffile
 
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".tif", ".tiff"})
+"""Of files that :func:`read_raster` reads, in small letters; it goes by what is in them, not by these."""
+
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_SIGNATURE = b"\xff\xd8\xff"
 _EXIF_ORIENTATION = 274

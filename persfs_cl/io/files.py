@@ -26,7 +26,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from persfs_cl.errors import InputError
 
@@ -37,8 +37,9 @@ except ImportError:  # Windows; what is open there cannot be removed anyway
 
 FilePath = str | os.PathLike[str]
 
-_PREFIX = ".persfs-cl-"
-_STEM = re.compile(rf"{re.escape(_PREFIX)}(?P<machine>[0-9a-f]{{8}})-[0-9a-f]{{32}}")
+PREFIX = ".persfs-cl-"
+"""How the names of what is not finished begin."""
+_STEM = re.compile(rf"{re.escape(PREFIX)}(?P<machine>[0-9a-f]{{8}})-[0-9a-f]{{32}}")
 """Name of a lock; those of the files and folders that it stands for go on after it."""
 _OLD = 24 * 3600.0
 """Seconds after which what may be in use elsewhere is not."""
@@ -193,7 +194,7 @@ def staging(folder: FilePath) -> Iterator[Path]:
 
 def is_temporary(path: Path) -> bool:
     """Whether a file or folder is one that this package works on, or left behind when it was killed: no result."""
-    return path.name.startswith(_PREFIX)
+    return path.name.startswith(PREFIX)
 
 
 def remove_leftovers(folder: Path) -> None:
@@ -206,7 +207,7 @@ def remove_leftovers(folder: Path) -> None:
     """
     with suppress(OSError):
         with os.scandir(folder) as entries:
-            left = sorted(entry.name for entry in entries if entry.name.startswith(_PREFIX))
+            left = sorted(entry.name for entry in entries if entry.name.startswith(PREFIX))
         for stem, names in groupby(left, key=_stem):
             with suppress(OSError):
                 _remove_unused(folder / stem, [folder / name for name in names if name != stem])
@@ -230,31 +231,48 @@ def read_bytes(path: FilePath) -> bytes:
         When the file is missing, a folder, a pipe, a socket, a device, unreadable, empty or larger than the memory.
         Names the path, the reason and the remedy.
     """
+    with opened(path) as file:
+        data = file.read()
+    if not data:
+        raise _empty(path)
+    return data
+
+
+def read_lines(path: FilePath) -> Iterator[tuple[int, str]]:
+    """The lines of a text in UTF-8, with their numbers from 1, without spaces at their ends.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_bytes`, and when it is no UTF-8.
+    """
+    with opened(path) as file:
+        for number, line in enumerate(file, 1):
+            try:
+                yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
+            except UnicodeDecodeError as error:
+                raise InputError(f"{path}, line {number}, is no UTF-8 ({error.reason}): save it as UTF-8.") from error
+
+
+@contextmanager
+def opened(path: FilePath) -> Iterator[BinaryIO]:
+    """A block that reads a regular file, which is not empty.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_bytes`, also for what the operating system says inside the block.
+    """
     place = as_path(path)
     try:
-        # Asked before it is opened: opening a pipe waits for a writer, and a device may have no end.
-        status = place.stat()
-        mode = status.st_mode
-        if stat.S_ISDIR(mode):
-            raise InputError(f"{path} is a folder: name a file in it.")
-        if not stat.S_ISREG(mode):
-            raise InputError(f"{path} is {_kind(mode)}, not a regular file: save its content as a file, and give that.")
-        # Some that the kernel makes up, all of them without a size, have no end either.
-        data = place.read_bytes() if status.st_size else b""
+        with _open(path, place) as file:
+            yield file
     except FileNotFoundError as error:
         raise InputError(f"{path} does not exist: check the spelling and the folder.") from error
     except OSError as error:
         raise InputError(f"{path} cannot be read: {_explained(error, 'Check the path.')}") from error
     except MemoryError as error:
         raise InputError(f"{path} is larger than the memory: give a smaller file.") from error
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        # A zero byte, or a character that no file name has.
-        raise InputError(f"{path!r} is no path ({error}): give another.") from error
-    if not data:
-        raise InputError(f"{path} is empty (0 bytes): copy or save it again.")
-    return data
 
 
 def json_text(value: Any) -> str:
@@ -267,13 +285,13 @@ def _reserved(folder: Path) -> Iterator[str]:
     """How the names of temporary files and folders in a folder are to begin, locked until the block ends."""
     if any(map(is_temporary, (folder, *folder.parents))):
         # Inside of one that is locked: it goes with that.
-        yield f"{_PREFIX}{uuid.uuid4().hex}"
+        yield f"{PREFIX}{uuid.uuid4().hex}"
         return
     remove_leftovers(folder)
     stem, lock = "", None
     try:
         while lock is None:
-            stem = f"{_PREFIX}{_machine()}-{uuid.uuid4().hex}"
+            stem = f"{PREFIX}{_machine()}-{uuid.uuid4().hex}"
             lock = os.open(folder / stem, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
             if _taken(lock) is False or not (folder / stem).exists():
                 # Another process came between, and removed what nobody held yet.
@@ -351,6 +369,24 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def _open(path: FilePath, place: Path) -> BinaryIO:
+    try:
+        # Asked before it is opened: opening a pipe waits for a writer, and a device may have no end.
+        status = place.stat()
+    except ValueError as error:
+        # A zero byte, or a character that no file name has.
+        raise InputError(f"{path!r} is no path ({error}): give another.") from error
+    mode = status.st_mode
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path} is a folder: name a file in it.")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"{path} is {_kind(mode)}, not a regular file: save its content as a file, and give that.")
+    if not status.st_size:
+        # Some that the kernel makes up, all of them without a size, have no end either.
+        raise _empty(path)
+    return place.open("rb")
+
+
 def _kind(mode: int) -> str:
     kinds = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
     return kinds.get(stat.S_IFMT(mode), "something else")
@@ -364,6 +400,10 @@ def _move(files: list[Path], folder: Path) -> None:
             raise InputError(f"{target} is a folder and cannot be replaced: choose another path.")
     for file, target in zip(files, targets, strict=True):
         file.replace(target)
+
+
+def _empty(path: FilePath) -> InputError:
+    return InputError(f"{path} is empty (0 bytes): copy or save it again.")
 
 
 def _missing_folder(folder: Path) -> OSError:

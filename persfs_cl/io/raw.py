@@ -9,6 +9,36 @@ from persfs_cl.io.files import FilePath
 from persfs_cl.io.tiff import DNG_VERSION, MAKE, PHOTOMETRIC, SUB_IFDS, Directory
 from persfs_cl.wording import keyword
 
+SUFFIXES = frozenset(
+    {
+        ".3fr",
+        ".arw",
+        ".cr2",
+        ".cr3",
+        ".crw",
+        ".dcr",
+        ".dng",
+        ".erf",
+        ".fff",
+        ".iiq",
+        ".kdc",
+        ".mef",
+        ".mos",
+        ".mrw",
+        ".nef",
+        ".nrw",
+        ".orf",
+        ".pef",
+        ".raf",
+        ".rw2",
+        ".sr2",
+        ".srf",
+        ".srw",
+        ".x3f",
+    }
+)
+"""Of camera raw files, in small letters."""
+
 _COLOUR_FILTER_ARRAY, _LINEAR_RAW = 32803, 34892
 # What stands at which byte.
 _MAGIC: tuple[tuple[int, bytes, str], ...] = (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -216,7 +216,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             "assumed": "z = 1 on the edge of the image or mask" if assumed else None,
         },
         "camera": {"source": inputs.source, "horizontal_view": horizontal_view(inputs.camera, wanted.shape)},
-        "requested": {**asdict(job.camera), "device": job.keywords.get("device")},
+        "requested": {**job.camera.said, "device": job.keywords.get("device")},
     }
     return PreparedJob(inputs, prepared, image, unfiltered, solvable, depths, report)
 

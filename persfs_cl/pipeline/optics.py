@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from persfs_cl.camera import Camera
 from persfs_cl.checks import warn
@@ -28,11 +29,22 @@ class CameraChoice:
         Horizontal, in degrees; it counts before the focal length.
     principal_point : (float, float) or None
         Column and row in pixels.
+    size : (int, int) or None
+        (height, width) of the images that this was said of; one of another size is refused.
+    table : str or None
+        The file that says all this, if a file does. It makes no difference to the camera.
     """
 
     focal_length: float | tuple[float, float] | None = None
     fov: float | None = None
     principal_point: tuple[float, float] | None = None
+    size: tuple[int, int] | None = None
+    table: str | None = field(default=None, compare=False)
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What is said of the camera itself, for the report."""
+        return {name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")}
 
     def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
         """The camera of an image, and what told its focal length.
@@ -47,15 +59,21 @@ class CameraChoice:
         Raises
         ------
         CameraError
-            When the EXIF data lack the focal length.
+            When the EXIF data lack the focal length, or the image has not the size that is said.
 
         Warns
         -----
         UserWarning
             When the focal length makes so wide a view that it looks like millimetres.
         """
+        if self.size is not None and self.size != tuple(shape):
+            turned = " It may have been turned by its EXIF data." if self.size == tuple(shape)[::-1] else ""
+            raise CameraError(
+                f"{path} has {shape[1]} × {shape[0]} pixels, but its camera in {self.table or 'the table'} is for "
+                f"{self.size[1]} × {self.size[0]}: give the photo that the camera was calibrated with.{turned}"
+            )
         if self.fov is not None:
-            return Camera.from_fov(self.fov, shape, self.principal_point), "fov"
+            return Camera.from_fov(self.fov, shape, self.principal_point), self._source("fov")
         if self.focal_length is None:
             try:
                 length, tags = exif_focal_length(path)
@@ -70,7 +88,10 @@ class CameraChoice:
                 f"{given} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "
                 "pixels, not millimetres."
             )
-        return camera, "focal_length"
+        return camera, self._source("focal_length")
+
+    def _source(self, name: str) -> str:
+        return name if self.table is None else f"{name} of {self.table}"
 
 
 def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:

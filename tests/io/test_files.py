@@ -17,7 +17,7 @@ import pytest
 
 from persfs_cl.errors import InputError
 from persfs_cl.io import files
-from persfs_cl.io.files import as_path, atomic_path, filling, is_temporary, read_bytes, remove_leftovers
+from persfs_cl.io.files import as_path, atomic_path, filling, is_temporary, read_bytes, read_lines, remove_leftovers
 
 
 def test_the_target_appears_only_when_the_block_ends(tmp_path: Path) -> None:
@@ -159,10 +159,18 @@ def test_read_bytes_says_why_it_cannot(tmp_path: Path) -> None:
         read_bytes(tmp_path / "empty.png" / "a.png")
 
 
+def test_lines_have_numbers_and_are_utf_8(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_bytes(b"\xef\xbb\xbf\xc3\xa9 \r\n\n z")
+    assert list(read_lines(tmp_path / "a.txt")) == [(1, "é"), (2, ""), (3, "z")]
+    (tmp_path / "a.txt").write_bytes(b"a\n\xff\xfe")
+    with pytest.raises(InputError, match=r"a\.txt, line 2, is no UTF-8 \(invalid start byte\): save it as UTF-8"):
+        list(read_lines(tmp_path / "a.txt"))
+
+
 def test_files_without_a_size_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As /proc/kmsg, which waits for more."""
     (tmp_path / "empty").touch()
-    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("was read"))
+    monkeypatch.setattr(Path, "open", lambda *_: pytest.fail("was read"))
     with pytest.raises(InputError, match=r"is empty \(0 bytes\)"):
         read_bytes(tmp_path / "empty")
 
@@ -188,11 +196,11 @@ def test_what_is_no_regular_file_is_refused_without_being_opened(tmp_path: Path)
 
 
 def test_a_file_larger_than_the_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_path: Path) -> bytes:
+    def fail(*_arguments: object) -> bytes:
         raise MemoryError
 
     (tmp_path / "a").write_bytes(b"x")
-    monkeypatch.setattr(Path, "read_bytes", fail)
+    monkeypatch.setattr(Path, "open", fail)
     with pytest.raises(InputError, match="a is larger than the memory: give a smaller file"):
         read_bytes(tmp_path / "a")
 
