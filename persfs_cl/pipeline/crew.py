@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -60,6 +60,8 @@ class Crew:
         self._inherited = inherited
         self._refusal: PersfsError | None = None
         self._again: deque[Task] = deque()
+        self._tried: defaultdict[int, set[_Member]] = defaultdict(set)
+        """Which devices failed at a photo."""
 
     def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Iterator[Outcome]:
         """Have tasks done, and say what comes of them, as they end.
@@ -120,10 +122,11 @@ class Crew:
     def _feed(self, member: _Member, source: Iterator[Task]) -> None:
         worker = member.worker
         while worker is not None and len(member.tasks) < _AHEAD and not member.alone:
-            if self._again:
+            task = self._untried(member)
+            if task is not None:
                 if member.tasks:
+                    self._again.appendleft(task)
                     return  # first what it has, then this by itself
-                task = self._again.popleft()
             else:
                 found = _first(source)
                 if not found:
@@ -132,6 +135,19 @@ class Crew:
             member.tasks[task.number] = task
             with suppress(OSError):  # it has ended, which will be heard
                 worker.add(task)
+
+    def _untried(self, member: _Member) -> Task | None:
+        """A task to be tried again, if this device is one for it: one that did not fail at it, as long as there is one."""
+        for task in self._again:
+            tried = self._tried[task.number]
+            if member not in tried or tried.issuperset(self._living()):
+                self._again.remove(task)
+                return task
+        return None
+
+    def _is_to_blame(self, task: Task) -> bool:
+        """Whether a task has failed often enough, and everywhere."""
+        return task.attempts + 1 >= _ATTEMPTS and self._tried[task.number].issuperset(self._living())
 
     def _heard(self, stopping: bool) -> Iterator[Outcome]:
         """What the processes say next."""
@@ -160,7 +176,8 @@ class Crew:
             return
         member.failures += 1
         self._refusal = outcome.error
-        if task.attempts + 1 >= _ATTEMPTS or stopping:
+        self._tried[task.number].add(member)
+        if stopping or self._is_to_blame(task):
             yield replace(outcome, end="dropped" if stopping else "failed")
         else:
             self._again.append(replace(task, attempts=task.attempts + 1))
@@ -176,9 +193,10 @@ class Crew:
         status = worker.close()
         member.failures += 1
         for task in member.tasks.values():
+            self._tried[task.number].add(member)
             if stopping:
                 yield _dropped(task)
-            elif task.attempts + 1 >= _ATTEMPTS and member.alone:
+            elif self._is_to_blame(task):
                 yield _killed(task, status)
             else:
                 self._again.append(replace(task, attempts=task.attempts + 1))

@@ -13,9 +13,8 @@ from typing import Any
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import CameraTable
 from persfs_cl.pipeline.job import Job
-from persfs_cl.pipeline.listing import Input
+from persfs_cl.pipeline.listing import Input, mask_for
 from persfs_cl.pipeline.manifest import Stamps
-from persfs_cl.pipeline.masks import mask_for
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,7 +33,6 @@ from persfs_cl.solver.solve import pieces, solve
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import Told, hearing
-from persfs_cl.version import package_version
 
 BYTES_PER_PIXEL = 500
 """Of memory that a photo takes at most, from reading to writing, per pixel."""
@@ -314,7 +314,7 @@ class Station:
             "path": str(work.task.job.path),
             "warnings": tuple(work.said),
             "parameter_hash": work.task.parameter_hash,
-            "version": package_version(),
+            "version": version("persfs-cl"),
             "device": str(self._device),
             "seconds": work.seconds,
             "finished": now(),

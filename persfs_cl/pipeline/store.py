@@ -74,8 +74,8 @@ class Store(ABC):
         """A context manager that gives a :class:`Shelf`."""
 
     @abstractmethod
-    def record(self, name: str) -> Record | None:
-        """The record of a result that is there, and complete."""
+    def finder(self) -> Callable[[str], Record | None]:
+        """A function that gives the record of a result that is there, and complete, by its name."""
 
     @abstractmethod
     def journal(self) -> Journal:
@@ -110,12 +110,16 @@ class FolderStore(Store):
         with staging(self.root) as stage:
             yield _FolderShelf(self.root, stage)
 
-    def record(self, name: str) -> Record | None:
+    def finder(self) -> Callable[[str], Record | None]:
         """See :class:`Store`."""
-        try:
-            return Record.read((self.root / name / RECORD).read_bytes())
-        except OSError:
-            return None
+
+        def find(name: str) -> Record | None:
+            try:
+                return Record.read((self.root / name / RECORD).read_bytes())
+            except OSError:
+                return None
+
+        return find
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
@@ -213,13 +217,17 @@ class RemoteStore(Store):
         with tempfile.TemporaryDirectory(prefix="persfs-cl-") as stage:
             yield _RemoteShelf(self, *self._place(), Path(stage))
 
-    def record(self, name: str) -> Record | None:
+    def finder(self) -> Callable[[str], Record | None]:
         """See :class:`Store`."""
         system, root = self._place()
-        try:
-            return Record.read(system.cat_file(f"{root}/{name}/{RECORD}"))
-        except OSError:
-            return None
+        # One listing in place of a question for each photo, which takes as long as a photo does.
+        there = set(system.find(root)) if system.exists(root) else set()
+
+        def find(name: str) -> Record | None:
+            place = f"{root}/{name}/{RECORD}"
+            return Record.read(system.cat_file(place)) if place in there else None
+
+        return find
 
     def journal(self) -> Journal:
         """See :class:`Store`."""

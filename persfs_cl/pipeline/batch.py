@@ -1,0 +1,408 @@
+"""Any number of photos to surfaces: what is to be done, by whom, and what has become of it."""
+
+from __future__ import annotations
+
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing
+from importlib.metadata import version
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, Protocol, cast, get_args
+
+from persfs_cl._cl.device import Device, devices, usable_cores
+from persfs_cl.camera import Camera
+from persfs_cl.checks import as_whole_number, check_choice
+from persfs_cl.errors import DeviceError, InputError, PersfsError
+from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.io.limits import memory
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.cameras import read_cameras
+from persfs_cl.pipeline.claim import Shard, claimed
+from persfs_cl.pipeline.crew import Crew
+from persfs_cl.pipeline.listing import Input, Listing, list_inputs
+from persfs_cl.pipeline.manifest import Known, Record, latest, now
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan, input_hash, stamps
+from persfs_cl.pipeline.station import Outcome, Task
+from persfs_cl.pipeline.store import FolderStore, Journal, Store, store_for
+from persfs_cl.pipeline.workers import Setting
+from persfs_cl.solver.options import Options, complete, described
+from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
+from persfs_cl.surface.solution import Solution
+
+ALL = "all"
+"""Every device."""
+
+Again = Literal["changed", "all", "none", "failed"]
+"""Which photos are done again that were done before."""
+
+_SHARE_OF_MEMORY = 0.5
+_THREADS = 2
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """What has become of one photo of a batch.
+
+    Attributes
+    ----------
+    path : Path
+        Its file.
+    name : str
+        Of its results, below the output.
+    record : Record
+        What the manifest says of it.
+    solution : Solution or None
+        Where there is no output, and no error.
+    error : PersfsError or None
+        Why there is no surface.
+    """
+
+    path: Path
+    name: str
+    record: Record
+    solution: Solution | None = None
+    error: PersfsError | None = None
+
+
+class Workforce(Protocol):
+    """Who does tasks: the devices of this machine, or a cluster."""
+
+    def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Iterator[Outcome]:
+        """See :meth:`persfs_cl.pipeline.crew.Crew.outcomes`."""
+
+
+class Batch:
+    """Photos to be done, or what is left of them.
+
+    Parameters
+    ----------
+    listing : Listing
+    plan : Plan
+    store : Store or None
+        None sends the solutions instead.
+    again : {"changed", "all", "none", "failed"}
+        Done again are photos that failed, and those whose files or parameters have changed; all; none, whatever was
+        made and however; or those alone that failed, and no others.
+    shard : (int, int) or None
+        Number, from 1, and count of the share of the photos to be done.
+
+    Attributes
+    ----------
+    total : int
+        Photos of this share.
+    skipped : int
+        Photos found done so far.
+    """
+
+    def __init__(
+        self,
+        listing: Listing,
+        plan: Plan,
+        store: Store | None,
+        *,
+        again: Again = "changed",
+        shard: Shard | None = None,
+    ) -> None:
+        self._plan, self._store, self._again, self._shard = plan, store, again, shard
+        self._inputs = [one for one in listing.inputs if is_in(shard, one.name)]
+        self._problems = [one for one in listing.problems if is_in(shard, one[0])]
+        self._roots = listing.roots
+        self.total, self.skipped = len(self._inputs) + len(self._problems), 0
+        self._given: dict[int, Input] = {}
+        self._refused: deque[BatchResult] = deque()
+
+    def results(
+        self,
+        workforce: Callable[[Sequence[int]], Workforce],
+        interrupted: Callable[[], bool] = lambda: False,
+    ) -> Iterator[BatchResult]:
+        """Do what is left, and say of each photo what has become of it.
+
+        Parameters
+        ----------
+        workforce : callable
+            Gives who does the tasks; called with the file descriptors that processes are to hold.
+        interrupted : callable
+            Whether an end is asked for.
+
+        Raises
+        ------
+        InputError
+            When another run is at work on the output, or it cannot be written to.
+        DeviceError
+            When no device is left.
+        """
+        with ExitStack() as open_things:
+            held: Sequence[int] = ()
+            if isinstance(self._store, FolderStore):
+                held = open_things.enter_context(claimed(self._store.root, self._shard))
+            journal = None if self._store is None else self._store.journal()
+            if journal is not None:
+                open_things.callback(journal.close)
+            tasks = self._tasks(journal)
+            # Without a task there is nobody to call.
+            first = next(tasks, None)
+            yield from self._noted(journal)
+            if first is None:
+                return
+            with closing(workforce(held).outcomes(_chained(first, tasks), interrupted)) as outcomes:
+                for outcome in outcomes:
+                    yield from self._noted(journal)
+                    if outcome.end == "dropped":
+                        continue
+                    if journal is not None:
+                        journal.add(outcome.record)
+                    yield BatchResult(
+                        self._given.pop(outcome.number).path,
+                        outcome.record.name,
+                        outcome.record,
+                        outcome.solution,
+                        outcome.error,
+                    )
+            yield from self._noted(journal)
+
+    def _noted(self, journal: Journal | None) -> Iterator[BatchResult]:
+        """The photos that nobody need be called for."""
+        while self._refused:
+            result = self._refused.popleft()
+            if journal is not None:
+                journal.add(result.record)
+            yield result
+
+    def _tasks(self, journal: Journal | None) -> Iterator[Task]:
+        for place, error in self._problems:
+            self._refuse(Path(place), place, error)
+        known = {} if self._store is None else latest(self._store.manifests())
+        find = None if self._store is None else self._store.finder()
+        for number, one in enumerate(self._inputs):
+            try:
+                job = self._plan.job(one, self._roots)
+            except PersfsError as error:
+                self._refuse(one.path, one.name, error)
+                continue
+            hashed = self._plan.parameter_hash(job)
+            task = Task(number, one.name, job, hashed)
+            before = known.get(one.name)
+            if before is None and find is not None and (found := find(one.name)) is not None:
+                # Its run ended before it could note it.
+                before = Known.of(found)
+                if journal is not None:
+                    journal.add(found)
+            if before is not None and not self._is_wanted(task, before):
+                self.skipped += 1
+                continue
+            if before is None and self._again == "failed":
+                self.skipped += 1
+                continue
+            self._given[number] = one
+            yield task
+
+    def _is_wanted(self, task: Task, before: Known) -> bool:
+        if self._again == "all":
+            return True
+        if self._again == "none":
+            return before.status != "done"
+        if before.status == "failed":
+            return True
+        return self._again == "changed" and not _is_the_same(task, before)
+
+    def _refuse(self, path: Path, name: str, error: PersfsError) -> None:
+        record = Record(
+            name=name,
+            path=str(path),
+            status="failed",
+            error={"kind": type(error).__name__, "message": str(error)},
+            version=version("persfs-cl"),
+            finished=now(),
+        )
+        self._refused.append(BatchResult(path, name, record, error=error))
+
+
+def batch(
+    inputs: FilePath | Iterable[FilePath],
+    output: FilePath | None = None,
+    *,
+    camera: Camera | None = None,
+    cameras: FilePath | None = None,
+    masks: FilePath | None = None,
+    mask: FilePath | None = None,
+    walls: FilePath | None = None,
+    known_depth: FilePath | None = None,
+    albedo: FilePath | None = None,
+    frames: str | None = None,
+    save: str | Iterable[str] = DEFAULT_ITEMS,
+    mesh_faces: int | None = DEFAULT_MESH_FACES,
+    again: Again = "changed",
+    shard: Shard | None = None,
+    max_memory: int | None = None,
+    device: int | str | Device | Sequence[int | str | Device] | None = None,
+    **keywords: Any,
+) -> Iterator[BatchResult]:
+    """Reconstruct any number of photographs, in processes of their own, one for each device.
+
+    Parameters
+    ----------
+    inputs : path or iterable of path
+        Image files, folders, patterns, lists and videos, see
+        :func:`persfs_cl.pipeline.listing.list_inputs`.
+    output : path or str, optional
+        Folder, or URL of any protocol of fsspec, for the results: a folder for each photograph, and the manifest. Running
+        again does what is missing, failed, or made from other files or with other parameters. Without it, results carry
+        the solutions, and nothing is written.
+    camera : Camera, optional
+        Of all photographs; the EXIF data of each tell when it is not given.
+    cameras : path, optional
+        A table of cameras instead, see :func:`persfs_cl.pipeline.cameras.read_cameras`.
+    masks : path, optional
+        Folder with a mask for each photograph: that of ``a/b.jpg`` is ``a/b.jpg.png``, black where nothing is solved.
+    mask, walls, known_depth, albedo : path, optional
+        Files for all photographs, of their size.
+    frames : str, optional
+        Which frames of videos, "START:STOP:STEP".
+    save, mesh_faces
+        What is written, as for :meth:`persfs_cl.surface.saving.Saving.of`.
+    again : {"changed", "all", "none", "failed"}
+        Which photographs are done again: those that failed or whose files or parameters have changed; all; none that
+        has results; or only those that failed, and no new ones.
+    shard : (int, int), optional
+        ``(2, 8)`` does the second of eight shares, which may run at once, on machines that share the folder.
+    max_memory : int, optional
+        Bytes that the photographs in work may take; half of the memory when not given.
+    device : optional
+        As for :func:`reconstruct`, or several in a list, or "all".
+    **keywords
+        Those of :func:`reconstruct`, and those by which a photograph becomes an image: ``channel``, ``encoding``,
+        ``ambient``, ``vignetting``, ``highlights``, ``saturation``, ``clip_highlights``, ``mean_filter``,
+        ``normalise``, ``white_percentile``.
+
+    Yields
+    ------
+    BatchResult
+        Of each photograph that was not done before, as they end, in no order.
+
+    Raises
+    ------
+    InputError
+        When an option cannot be used, nothing is given, or another run is at work on the output. A photograph that
+        cannot be used is a result with an error.
+    DeviceError
+        When no device can be used.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import imageio.v3
+    >>> import persfs_cl as ps
+    >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in ("one.png", "two.png"):
+    ...         imageio.v3.imwrite(Path(folder) / name, (255 * scene.image / scene.image.max()).astype("uint8"))
+    ...     results = list(ps.batch(folder, camera=scene.camera, light=ps.FlashLight()))
+    >>> sorted((result.name, result.solution.status.name) for result in results)
+    [('one.png', 'CONVERGED'), ('two.png', 'CONVERGED')]
+    """
+    options = cast("Options", {name: keywords.pop(name) for name in list(keywords) if name in described()})
+    own = {one.name for one in fields(Brightness)}
+    brightness = Brightness(**{name: keywords.pop(name) for name in list(keywords) if name in own})
+    if keywords:
+        raise TypeError(f"There is no keyword argument {next(iter(keywords))!r}.")
+    check_choice("again", again, get_args(Again))
+    settings = complete(options)
+    plan = Plan(
+        CameraChoice() if camera is None else CameraChoice.of_camera(camera),
+        None if cameras is None else read_cameras(as_path(cameras)),
+        *(None if file is None else as_path(file) for file in (masks, mask, walls, known_depth, albedo)),
+        brightness=brightness,
+        light=settings["light"],
+        reflectance=settings["reflectance"],
+        keywords=options,
+        saving=Saving.of(save, mesh_faces),
+    )
+    store = None if output is None else store_for(output)
+    root = store.root if isinstance(store, FolderStore) else None
+    listing = list_inputs(inputs, output=root, masks=plan.masks, frames=frames)
+    whole = Batch(listing, plan, store, again=again, shard=as_shard(shard))
+    chosen = chosen_devices(device)
+    return whole.results(lambda held: Crew(crew_settings(plan, store, chosen, max_memory), held))
+
+
+def crew_settings(
+    plan: Plan, store: Store | None, chosen: Sequence[int | str | Device | None], max_memory: int | None
+) -> list[Setting]:
+    """What the process of each device must know.
+
+    Raises
+    ------
+    InputError
+        When an option or `max_memory` is impossible.
+    """
+    options = complete({**plan.keywords, "light": plan.light, "reflectance": plan.reflectance})
+    options["device"] = options["callback"] = None
+    options["throw"] = False
+    room = int(_SHARE_OF_MEMORY * memory()) if max_memory is None else as_whole_number("max_memory", max_memory, least=1)
+    threads = max(_THREADS, usable_cores() // (2 * len(chosen)))
+    return [
+        Setting(one, store, plan.saving, options, room // len(chosen), store is None, threads) for one in chosen
+    ]
+
+
+def chosen_devices(
+    selector: int | str | Device | Sequence[int | str | Device] | None,
+) -> list[int | str | Device | None]:
+    """One selector for each device.
+
+    Raises
+    ------
+    DeviceError
+        When all are wanted and there is none.
+    """
+    if selector == ALL:
+        if not (found := devices()):
+            raise DeviceError("No OpenCL device found: 'persfs-cl devices' says what to install.")
+        return [device.index for device in found]
+    if isinstance(selector, (list, tuple)):
+        return list(selector)
+    return [cast("int | str | Device | None", selector)]
+
+
+def is_in(shard: Shard | None, name: str) -> bool:
+    """Whether a photo belongs to a share: by its name alone, so that more photos change nothing for the others."""
+    return shard is None or zlib.crc32(name.encode("utf-8", "surrogateescape")) % shard[1] == shard[0] - 1
+
+
+def as_shard(given: Any) -> Shard | None:
+    """A share: its number, from 1, and how many there are.
+
+    Raises
+    ------
+    InputError
+        When it is none.
+    """
+    if given is None:
+        return None
+    try:
+        number, count = given
+    except (TypeError, ValueError):
+        raise InputError.about("shard", given, "is no share: give two numbers, (2, 8) for the second of eight.") from None
+    count = as_whole_number("shard", count, least=1)
+    return as_whole_number("shard", number, least=1, most=count), count
+
+
+def _is_the_same(task: Task, before: Known) -> bool:
+    """Whether a result would come out as it is."""
+    if task.parameter_hash != before.parameter_hash:
+        return False
+    try:
+        stamped = stamps(task.job)
+        return stamped == before.stamps or input_hash(task.job, stamped) == before.input_hash
+    except OSError:  # whoever reads it will say so
+        return False
+
+
+def _chained(first: Task, rest: Iterator[Task]) -> Iterator[Task]:
+    yield first
+    yield from rest
