@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 import persfs_cl
 from persfs_cl.cli.bench import bench
 from persfs_cl.cli.compare import compare
+from persfs_cl.cli.config import ConfiguredCommand
 from persfs_cl.cli.demo import demo
 from persfs_cl.cli.devices import devices
 from persfs_cl.cli.interrupts import raising
@@ -41,6 +42,8 @@ persfs-cl reconstruct statue.png -o result --focal-length 590 --mean-filter 3 --
 persfs-cl reconstruct coin.tiff -o result --fov 7 --p0 0.2 --clip-highlights 95 --overwrite
 
 persfs-cl reconstruct endoscope.png -o result --light flash --fov 90 --channel red --highlights fill --mask view.png
+
+persfs-cl reconstruct photo.jpg -o result --config camera.toml --config flash.toml
 
 [bold]Output[/bold]
 
@@ -172,7 +175,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     demo: "",
 }
 for _command, _epilog in _COMMANDS.items():
-    app.command(help=_paragraphs(_command.__doc__ or ""), epilog=_paragraphs(_epilog))(_command)
+    app.command(cls=ConfiguredCommand, help=_paragraphs(_command.__doc__ or ""), epilog=_paragraphs(_epilog))(_command)
 
 
 def _version(wanted: bool) -> None:

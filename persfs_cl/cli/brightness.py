@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from persfs_cl.cli.numbers import positive
+from persfs_cl.cli.settings import MayBePath
 from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.preparation.prepare import Highlights, Normalise
@@ -62,6 +63,7 @@ def chosen_brightness(
             "(0 to 255 with 8 bits), or a second photo without the lamp, or .npy of linear light.",
             rich_help_panel=_PHOTO,
         ),
+        MayBePath(_ambient),
     ] = "0",
     vignetting: Annotated[
         str,
@@ -71,6 +73,7 @@ def chosen_brightness(
             "photo of an evenly lit white plate, or .npy of linear light.",
             rich_help_panel=_PHOTO,
         ),
+        MayBePath(_vignetting),
     ] = "none",
     highlights: Annotated[
         Highlights,

@@ -9,6 +9,7 @@ import typer
 
 from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
+from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
 from persfs_cl.cli.output import MeshFacesOption, SaveOption, check_folder, chosen_saving
@@ -28,6 +29,7 @@ from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 _REGION = "Region and known values"
 
 
+@configurable
 @takes(
     camera=chosen_camera,
     brightness=chosen_brightness,

@@ -1,0 +1,222 @@
+"""Options from files: ``--config`` and ``--dump-config``, for any command.
+
+A file is TOML, and its names are those of the options without the dashes before them. The command line comes first:
+what stands there is not looked for in a file. Not in a file are arguments, what is required, and where results go: they
+differ from call to call.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from persfs_cl.cli.choosers import signature, with_signature
+from persfs_cl.cli.settings import Setting, WrongValue, as_toml, dumped, settings_of
+from persfs_cl.cli.spelling import WrongOption, spelling
+
+_CONFIG, _DUMP = "config", "dump_config"
+_APART = (_CONFIG, _DUMP, "output")
+_ALTERNATIVES = (frozenset({"focal_length", "fov"}),)
+"""Options that say the same in two ways: one that is given sets the others aside that stood in an earlier place."""
+
+_LARGEST = 2**20
+"""Bytes of a file; a photo that is given by mistake has more."""
+
+ConfigOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="TOML file with options by their names, such as focal-length = 590. Those on the command line win. Of "
+        "several files the later one wins, name by name. Relative paths in a file start at its folder.",
+    ),
+]
+DumpOption = Annotated[
+    bool,
+    typer.Option(
+        "--dump-config", help="Print the options in force as such a file, with all others as comments, and exit."
+    ),
+]
+
+
+def configurable(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options --config and --dump-config.
+
+    They do something where the command is a :class:`ConfiguredCommand`: the command itself never sees them.
+    """
+
+    @functools.wraps(command)
+    def run(**values: Any) -> None:
+        del values[_CONFIG], values[_DUMP]
+        command(**values)
+
+    own = signature(command)
+    before = [each for each in own.values() if each.default is each.empty]
+    rest = [each for each in own.values() if each.default is not each.empty]
+    return with_signature(run, [*before, *signature(_options).values(), *rest])
+
+
+def _options(config: ConfigOption = None, dump_config: DumpOption = False) -> None:
+    """The two, as they are declared."""
+
+
+class ConfiguredCommand(TyperCommand):
+    """A command of the app that reads files of options, if it is :func:`configurable`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the files before the command line is looked at in earnest.
+
+        Raises
+        ------
+        typer.BadParameter
+            When a file, or what stands in it, cannot be used.
+        typer.Exit
+            After --dump-config.
+        """
+        if not any(parameter.name == _CONFIG for parameter in self.params):
+            return super().parse_args(ctx, args)
+        given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+        if given.get("help"):
+            return super().parse_args(ctx, args)
+        settings = settings_of(self.callback, self.params, _APART)
+        read = self._read(ctx, settings, [Path(file) for file in given.get(_CONFIG) or ()])
+        in_force = {name: one for name, one in read.items() if not (_same_as(name) & given.keys())}
+        ctx.meta[__name__] = in_force
+        ctx.default_map = {name: one.value for name, one in in_force.items()}
+        if not given.get(_DUMP):
+            return super().parse_args(ctx, args)
+        # It is a question about options: what is required besides need not be there.
+        relaxed = copy.copy(self)
+        relaxed.params = [_optional(parameter) for parameter in self.params]
+        super(ConfiguredCommand, relaxed).parse_args(ctx, args)
+        typer.echo(dumped(settings.values(), ctx.params, ctx.command_path).encode(), nl=False)
+        raise typer.Exit
+
+    def invoke(self, ctx: Any) -> Any:
+        """Say of an option that cannot be used in which file it stands."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            self._say_where(ctx, error)
+            raise
+
+    def _read(self, ctx: Any, settings: dict[str, Setting], files: list[Path]) -> dict[str, _Given]:
+        """What files hold, by the names of the parameters."""
+        parameters = {parameter.name: parameter for parameter in self.params}
+        read: dict[str, _Given] = {}
+        for file in files:
+            here: dict[str, _Given] = {}
+            for written, value in _parsed(file).items():
+                place = f"{file}: {written} = {_shown(value)}"
+                setting = settings.get(written.replace("_", "-"))
+                if setting is None:
+                    raise _refused(f"{place}: {self._why_unknown(written, settings)}")
+                if setting.parameter in here:
+                    raise _refused(f"{place}: {setting.name} stands there twice. Take one of them out.")
+                try:
+                    text = setting.typed(value, file.parent)
+                    parameters[setting.parameter].process_value(ctx, text)
+                except WrongValue as error:
+                    raise _refused(f"{place}: {error}") from error
+                except typer.BadParameter as error:
+                    raise _refused(f"{place}: {self._worded(error).removeprefix('Value error, ')}") from error
+                here[setting.parameter] = _Given(text, place)
+            for name in here:
+                for other in _same_as(name):
+                    read.pop(other, None)
+            read |= here
+        return read
+
+    def _why_unknown(self, written: str, settings: dict[str, Setting]) -> str:
+        name = written.replace("_", "-")
+        if any(f"--{name}" in each.opts or each.name == written for each in self.params):
+            return "that is said on the command line alone. Take it out."
+        near = get_close_matches(name.removeprefix("no-"), settings, n=1)
+        meant = f"Is it {near[0]}? " if near else ""
+        return f"there is no such option. {meant}--dump-config lists all that there are."
+
+    def _say_where(self, ctx: Any, error: typer.BadParameter) -> None:
+        """Add the lines of files that have to do with an error to its message."""
+        text = f"{error.param_hint or ''} {self._worded(error)}"
+        words = {word.strip(".,:;'\"") for word in text.split()}
+        places = [
+            given.place
+            for parameter in self.params
+            if (given := ctx.meta.get(__name__, {}).get(parameter.name))
+            and words & {*parameter.opts, *parameter.secondary_opts}
+        ]
+        if not places:
+            return
+        where = f"(From {'; '.join(places)}.)"
+        if isinstance(error, WrongOption):
+            error.error = error.error.adding(where)
+        error.message = f"{error.message} {where}"
+
+    def _worded(self, error: typer.BadParameter) -> str:
+        return error.error.worded(spelling(self.params)) if isinstance(error, WrongOption) else error.message
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A value that a file gives for an option.
+
+    Attributes
+    ----------
+    value : object
+        As the command line would have it.
+    place : str
+        File, name and value, for messages.
+    """
+
+    value: Any
+    place: str
+
+
+def _parsed(file: Path) -> dict[str, Any]:
+    """The names and values of a file."""
+    import tomlkit  # slow
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(_LARGEST + 1)
+    except OSError as error:
+        raise _refused(f"{file} cannot be read: {error.strerror}. Name a file of TOML.") from error
+    if len(data) > _LARGEST:
+        raise _refused(f"{file} is larger than any file of options. Name a file of TOML.")
+    try:
+        return tomlkit.parse(data.decode("utf-8-sig")).unwrap()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise _refused(f"{file} is no text in UTF-8, in line {line}. Name a file of TOML.") from error
+    except TOMLKitError as error:
+        raise _refused(f"{file} is no TOML: {error}. A line of it is such as focal-length = 590.") from error
+
+
+def _shown(value: Any) -> str:
+    """A value as it stands in the file, on a line that is not too long."""
+    text = " ".join(as_toml(value).split())
+    return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def _same_as(name: str) -> set[str]:
+    """The options that say what one says, itself included."""
+    return {name}.union(*(names for names in _ALTERNATIVES if name in names))
+
+
+def _optional(parameter: Any) -> Any:
+    other = copy.copy(parameter)
+    other.required = False
+    return other
+
+
+def _refused(message: str) -> typer.BadParameter:
+    return typer.BadParameter(message, param_hint="'--config'")
