@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 import persfs_cl
+from persfs_cl.cli.batch import batch
 from persfs_cl.cli.bench import bench
 from persfs_cl.cli.compare import compare
 from persfs_cl.cli.config import ConfiguredCommand
@@ -52,6 +53,26 @@ The paths of the files written go to standard output, one a line; everything els
 Ctrl-C ends the iteration: what there is by then is written, report.json says STOPPED, and the exit status is 130.
 During the preparation it ends the program at once. While results are written it leaves out the pictures; depth, mesh
 and report are kept. Pressed again, it ends the program without them. SIGTERM and SIGHUP do the same.
+"""
+_BATCH_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl batch photos -o results --light flash --fov 60 --dry-run
+
+persfs-cl batch 'photos/**/*.jpg' -o results --light flash --cameras sparse/cameras.txt --masks masks
+
+persfs-cl batch photos -o results --config flash.toml --device all --save depth.tiff,report
+
+find photos -newer results/index.html -name '*.tif' | persfs-cl batch - -o results --config flash.toml
+
+persfs-cl batch photos -o results --config flash.toml --shard 2/8
+
+[bold]Output[/bold]
+
+The folders of the photos that are done go to standard output, one a line; everything else goes to standard error. What
+failed is listed at the end, and the exit status is then 1; the others are done all the same.
+
+Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays. Whatever ends a run, the power included, the
+same command goes on from there.
 """
 _RENDER_EPILOG = """[bold]Example[/bold]
 
@@ -167,6 +188,7 @@ app = typer.Typer(
 )
 _COMMANDS: dict[Callable[..., None], str] = {
     reconstruct: _RECONSTRUCT_EPILOG,
+    batch: _BATCH_EPILOG,
     render: _RENDER_EPILOG,
     compare: _COMPARE_EPILOG,
     paper: _PAPER_EPILOG,

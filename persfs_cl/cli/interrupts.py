@@ -83,8 +83,13 @@ def raising() -> Iterator[None]:
 
 
 @contextmanager
-def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
+def stop_on_interrupt(what: str = "the surface as it is will be written.") -> Iterator[Callable[[], bool]]:
     """Let the signals ask for an end once there is something to keep; before that, and the second time, they interrupt.
+
+    Parameters
+    ----------
+    what : str
+        Happens then.
 
     Yields
     ------
@@ -99,7 +104,7 @@ def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
             _interrupt(number, frame)
         elif not _is_repeated(number):
             pressed.set()
-            say("persfs-cl: stopping; the surface as it is will be written. Ctrl-C again to leave without.\n")
+            say(f"persfs-cl: stopping; {what} Ctrl-C again to leave at once.\n")
 
     with ExitStack() as answers:
 

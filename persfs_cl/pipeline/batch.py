@@ -313,7 +313,7 @@ def batch(
     check_choice("again", again, get_args(Again))
     settings = complete(options)
     plan = Plan(
-        CameraChoice() if camera is None else CameraChoice.of_camera(camera),
+        CameraChoice() if camera is None else CameraChoice.like(camera),
         None if cameras is None else read_cameras(as_path(cameras)),
         *(None if file is None else as_path(file) for file in (masks, mask, walls, known_depth, albedo)),
         brightness=brightness,

@@ -6,6 +6,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from multiprocessing.connection import wait
 
 from persfs_cl.checks import warn
@@ -228,7 +229,7 @@ class Crew:
 
 
 def _first(source: Iterator[Task]) -> list[Task]:
-    return [task for task, _ in zip(source, range(1), strict=False)]
+    return list(islice(source, 1))
 
 
 def _failed(task: Task, error: PersfsError) -> Record:

@@ -41,6 +41,11 @@ class CameraChoice:
     size: tuple[int, int] | None = None
     table: str | None = field(default=None, compare=False)
 
+    @classmethod
+    def like(cls, camera: Camera) -> CameraChoice:
+        """What is to be said for a camera."""
+        return cls((camera.fx, camera.fy), principal_point=camera.principal_point)
+
     @property
     def said(self) -> dict[str, Any]:
         """What is said of the camera itself, for the report."""

@@ -87,7 +87,7 @@ class Plan:
             light=self.light,
             reflectance=self.reflectance,
             keywords=self.keywords,
-            frame=one.frame,
+            **({} if one.frame is None else {"frame": one.frame}),
         )
 
     def parameters(self) -> dict[str, Any]:
@@ -106,12 +106,12 @@ class Plan:
     def parameter_hash(self, job: Job) -> str:
         """What changes whenever another result is to be expected of the same files."""
         says = {
-            "camera": _plain(job.camera),
+            "camera": _plain(job.camera.said),
             "brightness": _plain(job.brightness),
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),
-            "frame": job.frame,
+            "frame": getattr(job,"frame",None),
             "saving": _plain(self.saving),
         }
         return _digest(json.dumps(says, sort_keys=True, default=_plain).encode())

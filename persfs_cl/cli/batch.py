@@ -1,0 +1,227 @@
+"""``persfs-cl batch``: any number of photos to surfaces."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from persfs_cl.cli.batch_progress import Tally, progress_bar
+from persfs_cl.cli.brightness import chosen_brightness
+from persfs_cl.cli.choosers import takes
+from persfs_cl.cli.config import configurable
+from persfs_cl.cli.interrupts import stop_on_interrupt
+from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
+from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
+from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.spelling import WrongOption
+from persfs_cl.errors import InputError
+from persfs_cl.pipeline.batch import Again, Batch, as_shard, chosen_devices, crew_settings
+from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.cameras import read_cameras
+from persfs_cl.pipeline.claim import Shard
+from persfs_cl.pipeline.crew import Crew
+from persfs_cl.pipeline.listing import Listing, list_inputs
+from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.pages import publish
+from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
+from persfs_cl.pipeline.store import FolderStore, Store, store_for
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.options import Options, complete
+from persfs_cl.surface.saving import DEFAULT_MESH_FACES
+
+_INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
+_INPUT_FAILED = 1
+_UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+@configurable
+@takes(
+    camera=chosen_camera,
+    brightness=chosen_brightness,
+    light=chosen_light,
+    reflectance=chosen_reflectance,
+    keywords=chosen_keywords,
+)
+def batch(
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PATHS...",
+            help="Photos, folders with photos, patterns such as 'in/**/*.jpg', videos, or lists: .txt files with a path "
+            "a line, - for one on standard input.",
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for the results, or a URL that fsspec can write to."),
+    ],
+    *,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be done, and which photos cannot be used; do nothing.")
+    ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Do all photos, whatever was done before.", rich_help_panel=_AGAIN)
+    ] = False,
+    skip_existing: Annotated[
+        bool,
+        typer.Option(
+            "--skip-existing",
+            help="Do none that has results, though its file or the options have changed.",
+            rich_help_panel=_AGAIN,
+        ),
+    ] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Do only those that failed before.", rich_help_panel=_AGAIN)
+    ] = False,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            metavar="START:STOP:STEP", help="Which frames of videos; all by default.", rich_help_panel=_INPUTS
+        ),
+    ] = None,
+    camera: CameraChoice,
+    cameras: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Table of cameras, .csv or .json, by the paths of the photos, or COLMAP's cameras.txt beside images.txt.",
+            rich_help_panel="Camera",
+        ),
+    ] = None,
+    light: Light,
+    reflectance: Reflectance,
+    albedo: AlbedoOption = None,
+    brightness: Brightness,
+    mask: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="One mask for all, white where to solve.", rich_help_panel=_REGION),
+    ] = None,
+    masks: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder with a mask for each photo: that of a/b.jpg is a/b.jpg.png.",
+            rich_help_panel=_REGION,
+        ),
+    ] = None,
+    walls: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="One for all: white where the surface may jump.", rich_help_panel=_REGION
+        ),
+    ] = None,
+    known_depth: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="One for all: depths that are kept, NaN where unknown.", rich_help_panel=_REGION),
+    ] = None,
+    save: SaveOption = DEFAULT_ITEMS,
+    mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            metavar="I/N",
+            help="Do the I-th of N shares, on as many machines that share the output.",
+            rich_help_panel=_WORK,
+        ),
+    ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BYTES",
+            help="What photos in work may take together, such as 8G; half of the memory by default.",
+            rich_help_panel=_WORK,
+        ),
+    ] = None,
+    keywords: Options,
+) -> None:
+    """Reconstruct the surfaces that many photos show.
+
+    Every photo has a folder of results, named after it: those of IN/a/b.png, where IN is given, are in DIR/a/b.png.
+    DIR/index.html shows all of them. The same command again does what is missing, failed or has changed.
+    """
+    options = {"--overwrite": overwrite, "--skip-existing": skip_existing, "--retry-failed": retry_failed}
+    if len(chosen := [option for option, is_given in options.items() if is_given]) > 1:
+        raise typer.BadParameter("give one of these, not several.", param_hint=" / ".join(f"'{one}'" for one in chosen))
+    kinds: dict[str, Again] = {"--overwrite": "all", "--skip-existing": "none", "--retry-failed": "failed"}
+    again: Again = kinds[chosen[0]] if chosen else "changed"
+    if cameras is not None and camera != CameraChoice():
+        raise typer.BadParameter("give a table, or one camera for all, not both.", param_hint="'--cameras'")
+    if mask is not None and masks is not None:
+        raise typer.BadParameter("give one mask for all, or a folder of them, not both.", param_hint="'--masks'")
+    saving = chosen_saving(save, mesh_faces)
+    share, room = _share(shard), _bytes(memory)
+    try:
+        complete({**keywords, "light": light, "reflectance": reflectance})
+    except InputError as error:
+        raise WrongOption(error) from error
+    if masks is not None and not masks.is_dir():
+        raise typer.BadParameter(f"{masks} is no folder: name the one that the masks are in.", param_hint="'--masks'")
+    plan = Plan(
+        camera,
+        None if cameras is None else read_cameras(cameras),
+        masks,
+        mask,
+        walls,
+        known_depth,
+        albedo,
+        brightness,
+        light,
+        reflectance,
+        keywords,
+        saving,
+    )
+    store = store_for(output)
+    root = store.root if isinstance(store, FolderStore) else None
+    if root is not None and root.exists() and not root.is_dir():
+        raise typer.BadParameter(f"{root} is a file: name a folder.", param_hint="'--output' / '-o'")
+    listing = list_inputs(paths, output=root, masks=masks, frames=frames)
+    workers = crew_settings(plan, store, chosen_devices(keywords["device"]), room)
+    whole = Batch(listing, plan, store, again=again, shard=share)
+    tally = Tally()
+    with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
+        interrupted()
+        with progress_bar(whole, tally) as show:
+            for result in whole.results(lambda held: Crew(workers, held), interrupted):
+                tally.add(result)
+                if result.error is None and root is not None:
+                    typer.echo(root / result.name)
+                show()
+        stopped = interrupted()
+    tally.skipped = whole.skipped
+    names = publish(store, title=_title(paths), parameters=plan.parameters())
+    typer.echo(tally.table(), err=True, nl=False)
+    typer.echo(f"{tally.summary()} See {store}/{names[0]}.", err=True)
+    if stopped:
+        raise typer.Exit(INTERRUPTED)
+    if tally.failed:
+        raise typer.Exit(_INPUT_FAILED)
+
+
+def _title(paths: list[str]) -> str:
+    return ", ".join(paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
+
+
+def _share(text: str | None) -> Shard | None:
+    if text is None:
+        return None
+    numbers = re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)
+    if numbers is None:
+        raise typer.BadParameter(f"{text!r} is no share: give 2/8 for the second of eight.", param_hint="'--shard'")
+    try:
+        return as_shard((int(numbers[1]), int(numbers[2])))
+    except InputError as error:
+        raise WrongOption(error, "'--shard'") from error
+
+
+def _bytes(text: str | None) -> int | None:
+    if text is None:
+        return None
+    found = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,6})?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
+    size = int(float(found[1]) * _UNITS[found[2].upper()]) if found else 0
+    if size < 1:
+        raise typer.BadParameter(f"{text!r} is no size: give bytes, such as 8G or 500M.", param_hint="'--memory'")
+    return size
