@@ -26,6 +26,9 @@ FILES = {
     "comparison.png",
     "confidence.png",
     "convergence.png",
+    "preview.jpg",
+    "photo.jpg",
+    "relief.js",
     "report.json",
 }
 HEIGHT, WIDTH = 24, 30

@@ -20,6 +20,9 @@ from persfs_cl.surface.saving import PREVIEW, Saving
 from persfs_cl.surface.solution import Solution, write_files
 from persfs_cl.surface.solved import Derived
 
+EVERYTHING = Saving.of("depth,mesh,pictures,preview,report")
+"""What one photo alone becomes by default."""
+
 
 @dataclass(frozen=True)
 class PhotoSolution:

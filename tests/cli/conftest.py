@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from command import SCENE
 
-import persfs_cl as ps
 from persfs_cl.io.export import write_grey
 
 
@@ -23,8 +22,9 @@ def photo(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the pictures, which take far longer than the rest."""
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
+    """Leave out pictures and previews, which take far longer than the rest."""
+    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.pipeline.results.write_preview", lambda *_arguments, **_keywords: [])
 
 
 @pytest.fixture

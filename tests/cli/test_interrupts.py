@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from persfs_cl.cli.progress import remaining_iterations
 from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.photos import read_photo
 from persfs_cl.preparation import normalise as grey
+from persfs_cl.surface import solution as surface
 
 
 def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +84,14 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
     if existing:
         out.mkdir()
         (out / "relief.png").write_text("old")
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: signal.raise_signal(number))
+    draw = surface.draw_all
+
+    def interrupted(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> list[str]:
+        if drawings:
+            signal.raise_signal(number)
+        return draw(folder, drawings)
+
+    monkeypatch.setattr(surface, "draw_all", interrupted)
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
     assert outcome.status == 130

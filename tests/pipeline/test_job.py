@@ -16,7 +16,6 @@ from persfs_cl.io.export import write_grey
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve, solve_photo
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
-from persfs_cl.pipeline.results import write
 from persfs_cl.preparation.normalise import normalise_linear
 
 SCENE = ps.bump((16, 20))
@@ -71,18 +70,6 @@ def test_an_error_of_a_step_names_the_photo_and_keeps_its_argument(photo: Path) 
     np.save(nowhere, np.zeros((16, 20), bool))
     with pytest.raises(ps.InputError, match=r"photo\.png: no pixel is left to solve: of 320, 320 are outside .*npy\."):
         read_job(Job(photo, CAMERA, Brightness(), mask=nowhere))
-
-
-def test_results_are_written_with_or_without_pictures(
-    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    solved = solve_photo(Job(photo, CAMERA, Brightness()))
-    few = write(solved, tmp_path / "few", pictures=False)
-    assert {path.name for path in few} == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
-    assert set(write(solved, tmp_path / "all")) >= {tmp_path / "all" / path.name for path in few}
-    texts = [(tmp_path / name / "depth.npy").read_bytes() for name in ("few", "all")]
-    assert texts[0] == texts[1]
 
 
 def test_a_camera_is_chosen_by_view_then_focal_length_then_exif(photo: Path) -> None:
