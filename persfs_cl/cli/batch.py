@@ -23,11 +23,11 @@ from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard
 from persfs_cl.pipeline.crew import Crew
-from persfs_cl.pipeline.listing import Listing, list_inputs
+from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
-from persfs_cl.pipeline.store import FolderStore, Store, store_for
+from persfs_cl.pipeline.store import FolderStore, store_for
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options, complete
@@ -51,13 +51,13 @@ def batch(
         list[str],
         typer.Argument(
             metavar="PATHS...",
-            help="Photos, folders with photos, patterns such as 'in/**/*.jpg', videos, or lists: .txt files with a path "
-            "a line, - for one on standard input.",
+            help="Photos, folders with photos, patterns such as 'in/**/*.jpg', videos, or lists: .txt files with a "
+            "path a line, - for one on standard input.",
         ),
     ],
     output: Annotated[
         str,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for the results, or a URL that fsspec can write to."),
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for the results, or a URL that fsspec writes to."),
     ],
     *,
     dry_run: Annotated[
@@ -88,7 +88,7 @@ def batch(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Table of cameras, .csv or .json, by the paths of the photos, or COLMAP's cameras.txt beside images.txt.",
+            help="Table of cameras, .csv or .json, by the paths of photos; or COLMAP's cameras.txt, beside images.txt.",
             rich_help_panel="Camera",
         ),
     ] = None,
@@ -110,13 +110,13 @@ def batch(
     ] = None,
     walls: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="One for all: white where the surface may jump.", rich_help_panel=_REGION
-        ),
+        typer.Option(metavar="FILE", help="One for all: white where the surface may jump.", rich_help_panel=_REGION),
     ] = None,
     known_depth: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="One for all: depths that are kept, NaN where unknown.", rich_help_panel=_REGION),
+        typer.Option(
+            metavar="FILE", help="One for all: depths that are kept, NaN where unknown.", rich_help_panel=_REGION
+        ),
     ] = None,
     save: SaveOption = DEFAULT_ITEMS,
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,

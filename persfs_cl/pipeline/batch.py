@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
-from importlib.metadata import version
 from dataclasses import dataclass, fields
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast, get_args
 
@@ -70,7 +70,7 @@ class BatchResult:
 class Workforce(Protocol):
     """Who does tasks: the devices of this machine, or a cluster."""
 
-    def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Generator[Outcome, None, None]:
         """See :meth:`persfs_cl.pipeline.crew.Crew.outcomes`."""
 
 
@@ -249,9 +249,9 @@ def batch(
         Image files, folders, patterns, lists and videos, see
         :func:`persfs_cl.pipeline.listing.list_inputs`.
     output : path or str, optional
-        Folder, or URL of any protocol of fsspec, for the results: a folder for each photograph, and the manifest. Running
-        again does what is missing, failed, or made from other files or with other parameters. Without it, results carry
-        the solutions, and nothing is written.
+        Folder, or URL of any protocol of fsspec, for the results: a folder for each photograph, and the manifest.
+        Running again does what is missing, failed, or made from other files or with other parameters. Without it,
+        results carry the solutions, and nothing is written.
     camera : Camera, optional
         Of all photographs; the EXIF data of each tell when it is not given.
     cameras : path, optional
@@ -312,10 +312,11 @@ def batch(
         raise TypeError(f"There is no keyword argument {next(iter(keywords))!r}.")
     check_choice("again", again, get_args(Again))
     settings = complete(options)
+    files = {"masks": masks, "mask": mask, "walls": walls, "known_depth": known_depth, "albedo": albedo}
     plan = Plan(
-        CameraChoice() if camera is None else CameraChoice.like(camera),
-        None if cameras is None else read_cameras(as_path(cameras)),
-        *(None if file is None else as_path(file) for file in (masks, mask, walls, known_depth, albedo)),
+        camera=CameraChoice() if camera is None else CameraChoice.like(camera),
+        cameras=None if cameras is None else read_cameras(cameras),
+        **{name: None if file is None else as_path(file) for name, file in files.items()},
         brightness=brightness,
         light=settings["light"],
         reflectance=settings["reflectance"],
@@ -343,11 +344,11 @@ def crew_settings(
     options = complete({**plan.keywords, "light": plan.light, "reflectance": plan.reflectance})
     options["device"] = options["callback"] = None
     options["throw"] = False
-    room = int(_SHARE_OF_MEMORY * memory()) if max_memory is None else as_whole_number("max_memory", max_memory, least=1)
+    room = (
+        int(_SHARE_OF_MEMORY * memory()) if max_memory is None else as_whole_number("max_memory", max_memory, least=1)
+    )
     threads = max(_THREADS, usable_cores() // (2 * len(chosen)))
-    return [
-        Setting(one, store, plan.saving, options, room // len(chosen), store is None, threads) for one in chosen
-    ]
+    return [Setting(one, store, plan.saving, options, room // len(chosen), store is None, threads) for one in chosen]
 
 
 def chosen_devices(
@@ -387,7 +388,9 @@ def as_shard(given: Any) -> Shard | None:
     try:
         number, count = given
     except (TypeError, ValueError):
-        raise InputError.about("shard", given, "is no share: give two numbers, (2, 8) for the second of eight.") from None
+        raise InputError.about(
+            "shard", given, "is no share: give two numbers, (2, 8) for the second of eight."
+        ) from None
     count = as_whole_number("shard", count, least=1)
     return as_whole_number("shard", number, least=1, most=count), count
 

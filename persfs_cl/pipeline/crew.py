@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -64,7 +64,7 @@ class Crew:
         self._tried: defaultdict[int, set[_Member]] = defaultdict(set)
         """Which devices failed at a photo."""
 
-    def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Generator[Outcome, None, None]:
         """Have tasks done, and say what comes of them, as they end.
 
         Parameters
@@ -138,7 +138,7 @@ class Crew:
                 worker.add(task)
 
     def _untried(self, member: _Member) -> Task | None:
-        """A task to be tried again, if this device is one for it: one that did not fail at it, as long as there is one."""
+        """A task to be tried again, if this device is one for it: not if it failed at it, and another has not."""
         for task in self._again:
             tried = self._tried[task.number]
             if member not in tried or tried.issuperset(self._living()):
@@ -246,8 +246,8 @@ def _failed(task: Task, error: PersfsError) -> Record:
 def _killed(task: Task, status: int) -> Outcome:
     how = f"signal {-status}" if status < 0 else f"status {status}"
     error = InputError(
-        f"{task.job.path}: the process that solved it ended twice ({how}), the second time with nothing else to do. Its "
-        "driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
+        f"{task.job.path}: the process that solved it ended twice ({how}), the second time with nothing else to do. "
+        "The driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
     )
     return Outcome(task.number, "failed", _failed(task, error), error)
 

@@ -49,18 +49,18 @@ class Plan:
     saving : Saving
     """
 
-    camera: CameraChoice = CameraChoice()
+    camera: CameraChoice = field(default_factory=CameraChoice)
     cameras: CameraTable | None = None
     masks: Path | None = None
     mask: Path | None = None
     walls: Path | None = None
     known_depth: Path | None = None
     albedo: Path | None = None
-    brightness: Brightness = Brightness()
+    brightness: Brightness = field(default_factory=Brightness)
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
-    saving: Saving = Saving.of(DEFAULT_ITEMS)
+    saving: Saving = field(default_factory=lambda: Saving.of(DEFAULT_ITEMS))
 
     def job(self, one: Input, roots: Sequence[Path] = ()) -> Job:
         """What is to be done with one photo.
@@ -111,7 +111,7 @@ class Plan:
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),
-            "frame": getattr(job,"frame",None),
+            "frame": getattr(job, "frame", None),
             "saving": _plain(self.saving),
         }
         return _digest(json.dumps(says, sort_keys=True, default=_plain).encode())

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -249,24 +250,24 @@ class Station:
         began = time.perf_counter()
         problems = [work.problem for work in group if work.problem is not None]
         watch = Watch(lambda _iteration, _change: self._stopped.is_set())
+        solutions: list[Solution] = []
         said: list[Told] = []
-        try:
-            if self._stopped.is_set():
-                raise _Dropped
-            with hearing() as said:
-                solutions = solve(self._device, problems, self._options, watch)
-            if self._stopped.is_set() and any(solution.status is Status.STOPPED for solution in solutions):
-                raise _Dropped
-        except BaseException as error:  # noqa: BLE001 - every photo must have an outcome
-            if len(group) > 1 and not isinstance(error, _Dropped):
+        with self._ending(*group):
+            self._require_going()
+            try:
+                with hearing() as said:
+                    solutions = solve(self._device, problems, self._options, watch)
+            except Exception:
+                if len(group) == 1:
+                    raise
                 # Which of them is to blame shows when each has launches of its own.
                 for work in group:
                     self._solve([work])
                 return
-            for work in group:
-                with self._ending(work):
-                    raise error
-            return
+            if any(solution.status is Status.STOPPED for solution in solutions):
+                self._require_going()
+        if group[0].problem is None:
+            return  # they have ended
         share = (time.perf_counter() - began) / len(group)
         for place, (work, solution) in enumerate(zip(group, solutions, strict=True)):
             work.seconds["solve"] = share
@@ -285,11 +286,11 @@ class Station:
                 if self._shelf is None:
                     record = self._record(work, ())
                 else:
-                    record = self._shelf.put(work.task.name, lambda folder, work=work: self._fill(folder, work))
+                    record = self._shelf.put(work.task.name, partial(self._fill, work))
                 solution = work.solved.solution if self._solutions and work.solved else None
                 self._end(work, Outcome(work.task.number, "done", record, solution=solution))
 
-    def _fill(self, folder: Path, work: _Work) -> Record:
+    def _fill(self, work: _Work, folder: Path) -> Record:
         assert work.solved is not None  # noqa: S101 - for the type checker
         with self._step(work, "write"):
             files = write(work.solved, folder, self._saving, name=work.task.name)
@@ -330,8 +331,8 @@ class Station:
     @contextmanager
     def _step(self, work: _Work, name: str) -> Iterator[None]:
         """A part of the work: what it says and how long it takes is noted, and it is not begun after a stop."""
-        if self._stopped.is_set() and name != "write":
-            raise _Dropped
+        if name != "write":
+            self._require_going()
         began = time.perf_counter()
         with hearing() as said:
             try:
@@ -340,28 +341,41 @@ class Station:
                 work.said += [one.message for one in said]
                 work.seconds[name] = time.perf_counter() - began
 
+    def _require_going(self) -> None:
+        if self._stopped.is_set():
+            raise _Dropped
+
     @contextmanager
-    def _ending(self, work: _Work) -> Iterator[None]:
-        """Whatever is raised becomes the outcome of the photo: one must not end the others."""
+    def _ending(self, *works: _Work) -> Iterator[None]:
+        """Whatever is raised becomes the outcome of the photos: one must not end the others."""
         try:
             yield
         except _Dropped:
-            self._end(work, self._failure(work, "dropped", InputError("It was not finished, because an end was asked.")))
+            self._fail(works, "dropped", lambda work: InputError(f"{work.task.job.path} was not finished."))
         except (DeviceError, KernelBuildError) as error:
-            self._end(work, self._failure(work, "device", error))
+            blamed = error
+            self._fail(works, "device", lambda _: blamed)
         except PersfsError as error:
-            self._end(work, self._failure(work, "failed", error))
+            refused = error
+            self._fail(works, "failed", lambda _: refused)
         except MemoryError:
-            error = InputError(f"{work.task.job.path} does not fit into memory: reduce its size, or allow less at a time.")
-            self._end(work, self._failure(work, "failed", error))
+            why = "does not fit into memory: reduce its size, or let fewer be in work at a time."
+            self._fail(works, "failed", lambda work: InputError(f"{work.task.job.path} {why}"))
         except Exception as error:  # noqa: BLE001 - one photo must not end the others
-            said = " ".join(str(error).split())
-            unforeseen = InputError(f"{work.task.job.path}: {type(error).__name__}, which should not happen: {said}")
-            self._end(work, self._failure(work, "failed", unforeseen))
+            said = f"{type(error).__name__}, which should not happen: {' '.join(str(error).split())}"
+            self._fail(works, "failed", lambda work: InputError(f"{work.task.job.path}: {said}"))
 
-    def _failure(self, work: _Work, end: Literal["failed", "dropped", "device"], error: PersfsError) -> Outcome:
-        said = {"kind": type(error).__name__, "message": str(error)}
-        return Outcome(work.task.number, end, Record(**self._about(work), status="failed", error=said), error)
+    def _fail(
+        self,
+        works: Sequence[_Work],
+        end: Literal["failed", "dropped", "device"],
+        why: Callable[[_Work], PersfsError],
+    ) -> None:
+        for work in works:
+            error = why(work)
+            said = {"kind": type(error).__name__, "message": str(error)}
+            record = Record(**self._about(work), status="failed", error=said)
+            self._end(work, Outcome(work.task.number, end, record, error))
 
 
 class _Dropped(Exception):  # noqa: N818 - no error: an end was asked for

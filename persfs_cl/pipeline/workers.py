@@ -101,7 +101,8 @@ class Worker:
     @property
     def returncode(self) -> int | None:
         """As for :class:`subprocess.Popen`."""
-        return self._process.poll()
+        status: int | None = self._process.poll()
+        return status
 
     def add(self, task: Task) -> None:
         """Have a task done."""
@@ -122,7 +123,8 @@ class Worker:
     def close(self) -> int:
         """Wait for the end, and say how it was: 0, a status, or less the number of a signal."""
         self.connection.close()
-        return self._process.wait()
+        status: int = self._process.wait()
+        return status
 
     def _say(self, word: str) -> None:
         with suppress(OSError):  # it has ended
@@ -139,8 +141,8 @@ def main() -> None:
         setting: Setting = connection.recv()
     except (AttributeError, ImportError) as error:
         unknown = InputError(
-            f"A process for a device does not know a light, a material or another object ({error}): define its class in "
-            "a module that can be imported, not in the script or notebook itself."
+            f"A process for a device does not know a light or a material ({error}): define its class in a module that "
+            "can be imported, not in the script or notebook itself."
         )
         connection.send(("refused", unknown))
         return
@@ -220,6 +222,6 @@ def _accepted(listener: Listener, process: subprocess.Popen[bytes]) -> Connectio
             break
     process.kill()
     raise DeviceError(
-        f"A process for a device did not begin (status {process.wait()}): see what it wrote to standard error, and free "
-        "some memory if it wrote nothing."
+        f"A process for a device did not begin (status {process.wait()}): see what it wrote to standard error, and "
+        "free some memory if it wrote nothing."
     )
