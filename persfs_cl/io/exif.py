@@ -11,10 +11,11 @@ from typing import Any
 from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.decode import exif_number, open_png_or_jpeg
-from persfs_cl.io.files import FilePath, read_bytes
+from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.io.raw import refuse_raw
 from persfs_cl.io.remarks import decoding
 from persfs_cl.io.tiff import BIG_SIGNATURES, IMAGE_LENGTH, IMAGE_WIDTH, SIGNATURES, Directory, read_directories
+from persfs_cl.io.video import SUFFIXES as VIDEOS
 from persfs_cl.wording import keyword
 
 # The frame of 35 mm film is 36 mm × 24 mm.
@@ -52,6 +53,8 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
     tags : str
         Their names.
     """
+    if as_path(path).suffix.lower() in VIDEOS:
+        raise CameraError(f"{path} is a video, which does not tell the focal length. {_TELL}")
     size, tags = _read_exif(path)
     taken = _size_when_taken(path, size, tags)
     film, length = _positive(tags, "FocalLengthIn35mmFilm"), _positive(tags, "FocalLength")

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array
-from persfs_cl.checks import check_choice
+from persfs_cl.checks import as_whole_number, check_choice
 from persfs_cl.colour import decode_srgb, to_display
-from persfs_cl.io.decode import read_raster, require_brightness
+from persfs_cl.io.decode import Raster, read_raster, require_brightness
 from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.io.video import read_samples
 
 Channel = Literal["luminance", "red", "green", "blue", "mean", "max"]
 Encoding = Literal["auto", "srgb", "linear"]
@@ -184,6 +185,40 @@ def read_photo(
     path = as_path(path)
     raster = read_raster(path)
     require_brightness(path, raster, keep_nan=keep_nan)
+    return _photo(path, raster, channel, encoding)
+
+
+def read_frame(path: FilePath, frame: int, *, channel: Channel = "luminance", encoding: Encoding = "auto") -> Photo:
+    """A frame of a video, as a photo of 8 bits.
+
+    It is turned as the video says. Reading frames in their order is fast; going back begins again from the first.
+
+    Parameters
+    ----------
+    path : path
+        A video of any format that FFmpeg reads.
+    frame : int
+        From 0.
+    channel, encoding
+        As for :func:`read_photo`.
+
+    Returns
+    -------
+    Photo
+
+    Raises
+    ------
+    InputError
+        When the file is missing or no video, or has no such frame; when PyAV is not installed, which
+        `pip install 'persfs-cl[video]'` brings; when `channel` or `encoding` is unknown.
+    """
+    check_choice("channel", channel, Channel)
+    check_choice("encoding", encoding, Encoding)
+    frame = as_whole_number("frame", frame)
+    return _photo(as_path(path), Raster(read_samples(path, frame), 8, 1), channel, encoding)
+
+
+def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> Photo:
     samples = raster.colours
     floating = samples.dtype.kind == "f"
     if encoding == "auto":

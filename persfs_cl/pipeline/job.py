@@ -19,7 +19,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.colour import encode_srgb
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.maps import read_depth, read_light, read_mask
-from persfs_cl.io.photos import Photo, read_photo
+from persfs_cl.io.photos import Photo, read_frame, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
@@ -54,6 +54,8 @@ class Job:
     reflectance : Reflectance
     keywords : Options
         Further keywords of :func:`persfs_cl.reconstruct`.
+    frame : int or None
+        Of a video, which frame is the photo.
     """
 
     path: Path
@@ -66,6 +68,12 @@ class Job:
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
+    frame: int | None = None
+
+    @property
+    def title(self) -> str:
+        """What errors call the photo."""
+        return str(self.path) if self.frame is None else f"{self.path}, frame {self.frame}"
 
     @property
     def files(self) -> dict[str, Path | None]:
@@ -146,8 +154,11 @@ def read_job(job: Job) -> JobInputs:
     PersfsError
         Naming the file that cannot be used.
     """
-    encoding = job.brightness.encoding
-    photo = read_photo(job.path, channel=job.brightness.channel, encoding=encoding, keep_nan=True)
+    channel, encoding = job.brightness.channel, job.brightness.encoding
+    if job.frame is None:
+        photo = read_photo(job.path, channel=channel, encoding=encoding, keep_nan=True)
+    else:
+        photo = read_frame(job.path, job.frame, channel=channel, encoding=encoding)
     shape = (photo.image.shape[0], photo.image.shape[1])
     opaque = np.ones(shape, bool) if photo.mask is None else photo.mask
     turned = photo.orientation
@@ -164,7 +175,7 @@ def read_job(job: Job) -> JobInputs:
         left_out = {"transparent": ~opaque, f"outside {job.mask}": ~inside}
         if walls is not None:
             left_out[f"in {job.walls}"] = walls
-        raise InputError(_why_empty(left_out)).at(job.path)
+        raise InputError(_why_empty(left_out)).at(job.title)
     return inputs
 
 
@@ -181,7 +192,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     assumed = depths is None and job.light.flat_rim
     known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
     solvable = wanted
-    with _naming(job.path):
+    with _naming(job.title):
         _require_shading(photo, inputs.lit)
         prepared = prepare_photo(photo, inputs.camera, inputs.preparation, mask=inputs.lit)
         if walls is not None:
@@ -210,6 +221,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             "encoding": photo.encoding,
             "bits": photo.bits,
             **{name: None if file is None else str(file) for name, file in job.files.items()},
+            **({} if job.frame is None else {"frame": job.frame}),
         },
         "known": {
             "pixels": int(np.count_nonzero(known)),
@@ -270,7 +282,7 @@ def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution
     inputs = ready.inputs
     job = inputs.job
     keywords: Options = {**job.keywords, "light": job.light, "reflectance": job.reflectance, "callback": callback}
-    with _naming(job.path):
+    with _naming(job.title):
         solution = reconstruct(
             ready.image,
             inputs.camera,
@@ -301,12 +313,12 @@ def solve_photo(job: Job, callback: Callback | None = None) -> PhotoSolution:
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
+def _naming(title: str) -> Iterator[None]:
     """Put the photo's name before the message of an error."""
     try:
         yield
     except (InputError, CameraError) as error:
-        raise error.at(path) from error
+        raise error.at(title) from error
 
 
 def _why_empty(left_out: Mapping[str, Mask]) -> str:

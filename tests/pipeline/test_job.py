@@ -8,11 +8,14 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
+from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl.io.export import write_grey
+from persfs_cl.io.video import close_video
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve, solve_photo
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
@@ -82,6 +85,29 @@ def test_a_camera_is_chosen_by_view_then_focal_length_then_exif(photo: Path) -> 
         CameraChoice().of(photo, shape)
     with pytest.warns(UserWarning, match="^focal_length=5 means a view of 127 degrees"):
         CameraChoice(5.0).of(photo, shape)
+
+
+def test_a_frame_of_a_video_is_a_photo_like_any_other(photo: Path) -> None:
+    path = photo.with_name("clip.mkv")
+    grey = np.rint(255 * SCENE.image).astype(np.uint8)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.height, stream.width, stream.pix_fmt = *grey.shape, "bgr0"
+        for number in range(3):
+            samples = np.repeat((grey if number else np.zeros_like(grey))[..., None], 3, axis=2)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(samples).reformat(format="bgr0")))
+        container.mux(stream.encode())
+    still = photo.with_name("still.png")
+    Image.fromarray(grey).save(still)
+    solved = solve_photo(Job(path, CAMERA, Brightness(), frame=1))
+    expected = solve_photo(Job(still, CAMERA, Brightness()))
+    np.testing.assert_array_equal(solved.solution.depth, expected.solution.depth)
+    assert solved.report["photo"] == {**expected.report["photo"], "path": str(path), "frame": 1}
+    with pytest.raises(ps.InputError, match=r"clip\.mkv, frame 0: "):
+        solve_photo(Job(path, CAMERA, Brightness(), frame=0))
+    with pytest.raises(ps.CameraError, match=r"clip\.mkv is a video, which does not tell the focal length\..* fov"):
+        read_job(Job(path, CameraChoice(), Brightness(), frame=2))
+    close_video()
 
 
 def test_the_pipeline_needs_no_command_line() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from persfs_cl.errors import InputError
+from persfs_cl.io import video
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs, mask_for
 from persfs_cl.pipeline.naming import result_names, safe
 
@@ -210,6 +211,27 @@ def test_results_never_lie_where_photos_are(here: Path) -> None:
     assert why(listing) == [
         ("a.png", f"The results of a.png would lie where photos are, in {here.resolve()}: choose another output.")
     ]
+
+
+def test_frames_of_videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make(tmp_path, "s/clip.mp4", "s/bad.MOV", "s/a.png", "t/clip.mp4")
+
+    def count(path: str) -> int:
+        if path.endswith("MOV"):
+            raise InputError("bad is no video.")
+        return 12
+
+    monkeypatch.setattr(video, "count_frames", count)
+    assert named(list_inputs([tmp_path / "s"])) == ["a.png"]
+    clip = tmp_path / "s" / "clip.mp4"
+    listing = list_inputs([clip, tmp_path / "s" / "*"], frames="2::7")
+    assert [entry.name for entry in listing.inputs] == ["a.png", "clip.mp4/000002", "clip.mp4/000009"]
+    assert listing.inputs[2] == Input(clip, "clip.mp4/000009", 9)
+    assert why(listing) == [(str(tmp_path / "s" / "*"), "bad is no video.")]
+    both = named(list_inputs([clip, tmp_path / "t" / "clip.mp4"], frames="3:4"))
+    assert both == ["s/clip.mp4/000003", "t/clip.mp4/000003"]
+    assert "has 12 frames, and none of those asked for" in why(list_inputs([clip], frames="20:"))[0][1]
+    assert "would lie where photos are" in why(list_inputs([clip], frames=":1", output=tmp_path / "s"))[0][1]
 
 
 def test_a_mask_is_named_after_its_photo(tmp_path: Path) -> None:
