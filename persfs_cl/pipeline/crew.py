@@ -246,12 +246,12 @@ def _failed(task: Task, error: PersfsError) -> Record:
 def _killed(task: Task, status: int) -> Outcome:
     how = f"signal {-status}" if status < 0 else f"status {status}"
     error = InputError(
-        f"{task.job.path}: the process that solved it ended twice ({how}), the second time with nothing else to do. "
+        f"{task.job.title}: the process that solved it ended twice ({how}), the second time with nothing else to do. "
         "The driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
     )
     return Outcome(task.number, "failed", _failed(task, error), error)
 
 
 def _dropped(task: Task) -> Outcome:
-    error = InputError(f"{task.job.path} was not finished, because an end was asked for.")
+    error = InputError(f"{task.job.title} was not finished, because an end was asked for.")
     return Outcome(task.number, "dropped", _failed(task, error), error)

@@ -248,7 +248,7 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
         Naming the photo.
     """
     inputs = ready.inputs
-    with _naming(inputs.job.path):
+    with _naming(inputs.job.title):
         return as_problem(
             ready.image,
             inputs.camera,

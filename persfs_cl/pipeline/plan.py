@@ -87,7 +87,7 @@ class Plan:
             light=self.light,
             reflectance=self.reflectance,
             keywords=self.keywords,
-            **({} if one.frame is None else {"frame": one.frame}),
+            frame=one.frame,
         )
 
     def parameters(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Plan:
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),
-            "frame": getattr(job, "frame", None),
+            "frame": job.frame,
             "saving": _plain(self.saving),
         }
         return _digest(json.dumps(says, sort_keys=True, default=_plain).encode())

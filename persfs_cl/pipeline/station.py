@@ -351,7 +351,7 @@ class Station:
         try:
             yield
         except _Dropped:
-            self._fail(works, "dropped", lambda work: InputError(f"{work.task.job.path} was not finished."))
+            self._fail(works, "dropped", lambda work: InputError(f"{work.task.job.title} was not finished."))
         except (DeviceError, KernelBuildError) as error:
             blamed = error
             self._fail(works, "device", lambda _: blamed)
@@ -360,10 +360,10 @@ class Station:
             self._fail(works, "failed", lambda _: refused)
         except MemoryError:
             why = "does not fit into memory: reduce its size, or let fewer be in work at a time."
-            self._fail(works, "failed", lambda work: InputError(f"{work.task.job.path} {why}"))
+            self._fail(works, "failed", lambda work: InputError(f"{work.task.job.title} {why}"))
         except Exception as error:  # noqa: BLE001 - one photo must not end the others
             said = f"{type(error).__name__}, which should not happen: {' '.join(str(error).split())}"
-            self._fail(works, "failed", lambda work: InputError(f"{work.task.job.path}: {said}"))
+            self._fail(works, "failed", lambda work: InputError(f"{work.task.job.title}: {said}"))
 
     def _fail(
         self,
