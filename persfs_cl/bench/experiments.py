@@ -20,6 +20,7 @@ from persfs_cl.bench import fresh
 from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, lamp, reflectance
 from persfs_cl.bench.alternatives import weno
 from persfs_cl.bench.convergence import convergence
+from persfs_cl.bench.folder import folder
 from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
 from persfs_cl.bench.results import Record
@@ -202,6 +203,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "ambiguity": ambiguity,
     "lamp": lamp,
     "weno": weno,
+    "folder": folder,
     "compilation": compilation,
     "memory": memory,
 }

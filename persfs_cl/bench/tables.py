@@ -229,6 +229,16 @@ def _weno(records: Records) -> str:
     return markdown_table(header, [(*place, *cells) for place, cells in rows.items()], words=1)
 
 
+def _folder(records: Records) -> str:
+    columns: dict[str, list[str]] = {}
+    for record in records:
+        cell = two_digits(record.median)
+        columns.setdefault(f"{record.quantity}, {record.unit}".rstrip(", "), []).append(cell)
+    names = list(dict.fromkeys(record.workload for record in records))
+    rows = [(f"{name}, {_pixels(records[0])}", *cells) for name, cells in zip(names, zip(*columns.values()), strict=True)]
+    return markdown_table(("photographs to", *columns), rows, words=1)
+
+
 _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "orderings": ("orderings", _orderings),
     "sizes": ("sizes", _sizes),
@@ -248,5 +258,6 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "ambiguity": ("ambiguity", _ambiguity),
     "lamp": ("lamp", _lamp),
     "weno": ("weno", _weno),
+    "folder": ("folder", _folder),
 }
 """By the name of the marker: the experiment whose records a table shows, and what makes it of them."""
