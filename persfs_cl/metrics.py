@@ -97,7 +97,10 @@ def compare(
             f"none of {true.size} pixels can be compared: at each, estimate or truth is NaN or mask is False."
             " Give at least one pixel that both arrays hold."
         )
-    estimated, true = estimated[compared], true[compared]
+    if compared.all():
+        estimated, true = estimated.reshape(-1), true.reshape(-1)
+    else:
+        estimated, true = estimated[compared], true[compared]
     for name, values in (("estimate", estimated), ("truth", true)):
         if np.isinf(values).any():
             raise InputError(
@@ -130,16 +133,19 @@ def _aligned_errors(estimated: Array, true: Array, align: Align | None) -> Error
     elif align == "range":
         estimated, true = _to_unit_range("estimate", estimated), _to_unit_range("truth", true)
 
-    difference = np.abs(estimated - true)
+    difference = estimated - true
+    np.abs(difference, out=difference)
     maximum = float(difference.max())
     # A power of two, so that nothing is rounded, and squares neither overflow nor vanish.
     unit = math.ldexp(1.0, min(math.frexp(maximum)[1], 1023)) if math.isfinite(maximum) and maximum else 1.0
     shares = difference / unit
+    mean = float(shares.mean())
+    shares *= shares
     return Errors(
-        mean=unit * float(shares.mean()),
-        root_mean_square=unit * float(np.sqrt(np.mean(shares**2))),
+        mean=unit * mean,
+        root_mean_square=unit * float(np.sqrt(np.mean(shares))),
         maximum=maximum,
-        median=float(np.median(difference)),
+        median=float(np.median(difference, overwrite_input=True)),
         count=difference.size,
     )
 

@@ -118,9 +118,40 @@ def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
     change = 2 * BRIGHTNESS_ERROR / (slope + np.sqrt(slope**2 + 2 * BRIGHTNESS_ERROR * bend))
     cosines = np.asarray(cosine, dtype=np.float64)
     found = np.empty(cosines.size)
+    interpolate = _Interpolation(angle[half], change)
     for some in row_blocks((cosines.size, 1)):
-        found[some] = np.interp(np.arccos(np.clip(cosines.reshape(-1)[some], 0.0, 1.0)), angle[half], change)
+        found[some] = interpolate(np.arccos(np.clip(cosines.reshape(-1)[some], 0.0, 1.0)))
     return found.reshape(cosines.shape)
+
+
+class _Interpolation:
+    """What `np.interp` gives, to the bit, but between points at equal distances, which need no search.
+
+    Parameters
+    ----------
+    places, values : ndarray of float64, shape (n,)
+        The points; places ascend.
+    """
+
+    def __init__(self, places: Array, values: Array) -> None:
+        self._places, self._values = places, values
+        # Beyond the last point its value goes on.
+        self._slopes = np.append(np.diff(values) / np.diff(places), 0.0)
+        self._next = np.append(places[1:], np.inf)
+        self._spacing = (places[-1] - places[0]) / (len(places) - 1)
+
+    def __call__(self, wanted: Array) -> Array:
+        """The values at places, none of which lies before the first."""
+        wanted = np.clip(wanted, self._places[0], self._places[-1])
+        known = np.where(np.isnan(wanted), 0.0, wanted)
+        point = ((known - self._places[0]) / self._spacing).astype(np.intp)
+        # By rounding it may be the one beside.
+        point -= known < self._places[point]
+        point += known >= self._next[point]
+        wanted -= self._places[point]
+        wanted *= self._slopes[point]
+        wanted += self._values[point]
+        return wanted
 
 
 def cosine_to_light(depth: Array, normals: Array, camera: Camera, light: Light) -> Array:
@@ -143,6 +174,12 @@ def cosine_to_light(depth: Array, normals: Array, camera: Camera, light: Light) 
     for rows in row_blocks(depth.shape):
         z = depth[rows]
         to_light = light.toward(z, grid.x, grid.y[rows])
-        along = (normals[rows] * to_light).sum(axis=-1)
-        np.divide(along, np.linalg.norm(to_light, axis=-1), out=cosine[rows])
+        np.divide(_sum(normals[rows] * to_light), np.sqrt(_sum(to_light * to_light)), out=cosine[rows])
     return cosine
+
+
+def _sum(products: Array) -> Array:
+    """Of the three along the last axis, as `sum` adds them up, which is slow where they are few."""
+    total: Array = products[..., 0] + products[..., 1]
+    total += products[..., 2]
+    return total

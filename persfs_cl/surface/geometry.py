@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -187,15 +187,23 @@ def _slopes(z: Array, grid: PixelGrid, discontinuities: Discontinuities | None) 
         yield rows, _slope(log_depth[within], grid.dx, right), _slope(log_depth.T, grid.dy, down).T[within]
 
 
-def _slope(values: Array, spacing: float, cut: NDArray[np.bool_] | None) -> Array:
+def _slope(values: Array, spacing: float, cut: Mask | None) -> Array:
     """Along rows, the mean of backward and forward difference, or whichever of the two exists."""
-    steps = np.diff(values, prepend=np.nan, append=np.nan)
+    height, width = values.shape
+    # Columns are given as the rows of a transposed array: all others lie in the memory as that does.
+    order: Literal["C", "F"] = "C" if values.flags.c_contiguous else "F"
+    steps = np.zeros((height, width + 1), order=order)
+    exists = np.zeros(steps.shape, bool, order=order)
+    inner = steps[:, 1:-1]
+    np.subtract(values[:, 1:], values[:, :-1], out=inner)
     if cut is not None:
-        steps[:, 1:-1][cut] = np.nan
-    backward, forward = steps[:, :-1], steps[:, 1:]
-    existing = np.isfinite(backward).astype(np.float64) + np.isfinite(forward)
-    slope = (np.nan_to_num(backward) + np.nan_to_num(forward)) / (spacing * np.maximum(existing, 1.0))
-    return np.where(np.isnan(values), np.nan, slope)
+        inner[cut] = np.nan
+    np.isfinite(inner, out=exists[:, 1:-1])
+    np.copyto(steps, 0.0, where=~exists)
+    slope: Array = steps[:, :-1] + steps[:, 1:]
+    slope /= np.where(exists[:, :-1] & exists[:, 1:], 2.0 * spacing, spacing)
+    np.copyto(slope, np.nan, where=np.isnan(values))
+    return slope
 
 
 def normals(depth: ArrayLike, camera: Camera, discontinuities: Discontinuities | None = None) -> Array:
@@ -224,9 +232,14 @@ def normals(depth: ArrayLike, camera: Camera, discontinuities: Discontinuities |
     grid = _grid(z, camera)
     towards_camera = np.empty((*z.shape, 3))
     for rows, p, q in _slopes(z, grid, discontinuities):
-        w = 1.0 + grid.x * p + grid.y[rows] * q
-        length = np.sqrt(p**2 + q**2 + w**2)
-        for component, value in enumerate((p, q, -w)):
+        w = grid.x * p
+        w += 1.0
+        w += grid.y[rows] * q
+        length = p * p
+        length += q * q
+        length += w * w
+        np.sqrt(length, out=length)
+        for component, value in enumerate((p, q, np.negative(w, out=w))):
             np.divide(value, length, out=towards_camera[rows, :, component])
     return towards_camera
 

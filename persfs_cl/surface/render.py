@@ -94,6 +94,7 @@ def render(
         values = np.where(as_mask("mask", mask, values.shape, whose="depth"), values, np.nan)
     values = depth_array(values)
     present = ~np.isnan(values)
+    whole = bool(present.all())
     if not present.any():
         raise InputError(
             "depth holds no finite value inside the mask: there is nothing to render.", argument="depth", value=depth
@@ -120,9 +121,9 @@ def render(
                 "light", light, f"lies on the surface, at {within} pixels of the depth: move it away."
             )
         return light.scaled(lit if reflecting is None else lit * reflecting, 0.0)
-    log_depth = np.log(np.where(present, values, 1.0))
+    log_depth = np.log(values if whole else np.where(present, values, 1.0))
     # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.
-    level = float(np.median(log_depth[present]))
+    level = float(np.median(log_depth if whole else log_depth[present]))
     log_depth -= level
     flags = missing_neighbours(present) | present * np.uint8(SWEPT)
     if discontinuities is not None:

@@ -7,6 +7,7 @@ faces the camera where its corners turn the same way in the image.
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 from numbers import Integral
@@ -99,11 +100,11 @@ def simplified_mesh(
     used = np.zeros(z.size, bool)
     used[faces] = True
     number = np.cumsum(used, dtype=np.int32)
-    view = _View(z, camera)
-    seen, faces = _upright(view.of_pixels(np.flatnonzero(used)), number[faces] - 1, most)
+    pixels, view = np.flatnonzero(used), _View(z, camera)
+    seen, faces = _upright(view.of_pixels(pixels), number[faces] - 1, most)
     colours = None
     if colour is not None:
-        colours = geometry.rgb(colour, z.shape).reshape(-1, 3)[view.nearest_pixels(seen)]
+        colours = geometry.rgb(colour, z.shape).reshape(-1, 3)[view.nearest_pixels(seen, pixels)]
     return trimesh.Trimesh(view.in_space(seen), faces.astype(np.int64), vertex_colors=colours, process=False)
 
 
@@ -126,27 +127,33 @@ class _View:
         z = np.exp(log_depth)
         return np.stack([z * x, z * y, z], axis=-1)
 
-    def nearest_pixels(self, seen: Array) -> Indices:
-        """Indices in the flat image of the pixels whose points are nearest, among those with a depth."""
+    def nearest_pixels(self, seen: Array, pixels: Indices) -> Indices:
+        """Of each point the pixel whose own is nearest, as its index in the flat image.
+
+        Parameters
+        ----------
+        seen : ndarray of float64, shape (n, 3)
+            Near the surface.
+        pixels : ndarray of int
+            Pixels of the surface, those on its rims among them.
+        """
         (height, width), grid = self._z.shape, self._grid
         columns = np.rint(seen[:, 0] - grid.x[0] / grid.dx).astype(np.intp)
-        rows = np.rint(seen[:, 1] * grid.dx / grid.dy - grid.y[0, 0] / grid.dy).astype(np.intp)
+        rows = np.rint((seen[:, 1] * grid.dx - grid.y[0, 0]) / grid.dy).astype(np.intp)
         nearest = np.zeros(len(seen), np.intp)
-        searching, reach = np.arange(len(seen)), 1
-        # Where an outline was straightened a vertex may lie farther from the surface than one pixel.
-        while searching.size and reach < 2 * max(height, width):
-            least = np.full(searching.size, np.inf)
-            for down in range(-reach, reach + 1):
-                for right in range(-reach, reach + 1):
-                    row = (rows[searching] + down).clip(0, height - 1)
-                    column = (columns[searching] + right).clip(0, width - 1)
-                    pixels = row * width + column
-                    distance = ((self.of_pixels(pixels) - seen[searching]) ** 2).sum(axis=-1)
-                    nearer = distance < least
-                    least[nearer] = distance[nearer]
-                    nearest[searching[nearer]] = pixels[nearer]
-            searching = searching[np.isinf(least)]
-            reach *= 2
+        least = np.full(len(seen), np.inf)
+        for down, right in itertools.product((-1, 0, 1), repeat=2):
+            there = (rows + down).clip(0, height - 1) * width + (columns + right).clip(0, width - 1)
+            distance = ((self.of_pixels(there) - seen) ** 2).sum(axis=-1)
+            nearer = distance < least
+            least[nearer] = distance[nearer]
+            nearest[nearer] = there[nearer]
+        # A few lie beside a rim that was straightened, and their nearest pixel on it.
+        beside = np.flatnonzero(np.isinf(least))
+        if beside.size:
+            points = self.of_pixels(pixels)
+            for number in beside:
+                nearest[number] = pixels[((points - seen[number]) ** 2).sum(axis=-1).argmin()]
         return nearest
 
 

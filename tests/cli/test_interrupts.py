@@ -23,7 +23,7 @@ from persfs_cl.cli.progress import remaining_iterations
 from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.photos import read_photo
 from persfs_cl.preparation import normalise as grey
-from persfs_cl.surface import solution as surface
+from persfs_cl.surface.export import draw_all
 
 
 def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,14 +84,12 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
     if existing:
         out.mkdir()
         (out / "relief.png").write_text("old")
-    draw = surface.draw_all
-
     def interrupted(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> list[str]:
         if drawings:
             signal.raise_signal(number)
-        return draw(folder, drawings)
+        return draw_all(folder, drawings)
 
-    monkeypatch.setattr(surface, "draw_all", interrupted)
+    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", interrupted)
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
     assert outcome.status == 130
@@ -102,6 +100,24 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
     assert strict(out / "report.json")["status"] == "CONVERGED"
     image = grey.normalise_linear(read_photo(photo).image)
     np.testing.assert_array_equal(np.load(out / "depth.npy"), ps.reconstruct(image, ps.Camera(WIDTH)).depth)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize(
+    ("items", "kept", "said"),
+    [("depth.npy,relief.png", {"depth.npy"}, "depth is still written"), ("relief.png", set(), "interrupted.")],
+)
+def test_interrupt_of_the_pictures_keeps_what_else_was_wanted(
+    items: str, kept: set[str], said: str, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "persfs_cl.surface.plots.relief_picture", lambda *_arguments, **_keywords: signal.raise_signal(signal.SIGINT)
+    )
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--save", items)
+    assert outcome.status == 130
+    assert said in outcome.stderr
+    assert (names(tmp_path / "out") if kept else set()) == kept
+    assert (tmp_path / "out").exists() == bool(kept)
 
 
 @pytest.mark.usefixtures("ctrl_c")

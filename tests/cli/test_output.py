@@ -76,3 +76,34 @@ def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: 
     (left / "depth.npy").write_text("half")
     assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
     assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+
+
+def test_what_is_written_can_be_chosen(photo: Path, tmp_path: Path) -> None:
+    items = "depth.tiff,normals.npy,mesh.glb,report"
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--save", items, "--mesh-faces", "200")
+    assert outcome.status == 0
+    expected = ["depth.tiff", "normals.npy", "report.json", "mesh.glb"]
+    assert outcome.stdout.split() == [str(tmp_path / "out" / name) for name in expected]
+    assert names(tmp_path / "out") == set(expected)
+    normals = np.load(tmp_path / "out" / "normals.npy")
+    assert (normals.dtype, normals.shape) == (np.float32, (HEIGHT, WIDTH, 3))
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, rtol=1e-6)
+    mesh = trimesh.load_mesh(tmp_path / "out" / "mesh.glb")
+    assert 100 < len(mesh.faces) <= 200 < 2 * (HEIGHT - 1) * (WIDTH - 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--save", "depth,mash"), "--save has the item 'mash', which is none: give groups of files"),
+        (("--save", ","), "--save , names nothing to write"),
+        (("--mesh-faces", "7"), "--mesh-faces 7 is not a number of triangles: give a whole number"),
+    ],
+)
+def test_a_wrong_choice_is_refused_before_the_photo_is_read(
+    options: tuple[str, str], message: str, tmp_path: Path
+) -> None:
+    outcome = run("reconstruct", tmp_path / "missing.png", "-o", tmp_path / "out", *FOCAL, *options)
+    assert (outcome.status, outcome.stdout) == (2, "")
+    assert message in outcome.stderr
+    assert "missing.png" not in outcome.stderr

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 import persfs_cl as ps
@@ -17,8 +17,8 @@ from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, solve_photo
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import EVERYTHING, PhotoSolution, write
+from persfs_cl.surface import geometry
 from persfs_cl.surface import render as forward
-from persfs_cl.surface import solved as surface
 from persfs_cl.surface.saving import Saving
 
 BATCH = Saving.of("depth,normals,preview,report")
@@ -65,7 +65,7 @@ def test_nothing_is_computed_twice_or_in_vain(
     items: str, expected: list[str], solved: PhotoSolution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    for module, name in ((surface.geometry, "normals"), (forward, "render")):
+    for module, name in ((geometry, "normals"), (forward, "render")):
         original = getattr(module, name)
 
         def counted(*arguments: object, original: object = original, name: str = name, **keywords: object) -> object:
@@ -96,13 +96,11 @@ def test_results_are_written_in_threads_at_once(solved: PhotoSolution, tmp_path:
         return {path.name: path.read_bytes() for path in write(solved, tmp_path / name, saving)}
 
     alone = contents("alone")
-    with warnings.catch_warnings(), ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(4) as pool:
         assert all(found == alone for found in pool.map(contents, "abcd"))
 
 
 def test_colours_of_the_photograph_go_to_a_mesh_that_was_simplified(solved: PhotoSolution, tmp_path: Path) -> None:
-    import trimesh
-
     write(solved, tmp_path / "out", Saving.of("mesh", mesh_faces=100))
     mesh = trimesh.load_mesh(tmp_path / "out" / "mesh.ply", process=False)
     assert 50 <= len(mesh.faces) <= 100

@@ -166,6 +166,28 @@ def test_saving_to_a_folder_writes_everything(solution: ps.Solution, tmp_path: P
     assert json.loads((tmp_path / "new" / "folder" / "report.json").read_text())["photo"] == "a.png"
 
 
+def test_saving_to_a_folder_writes_what_is_wanted(solution: ps.Solution, tmp_path: Path) -> None:
+    written = solution.save(tmp_path / "some", save=["normals.npy", "mesh.obj", "mesh.stl"], mesh_faces=500)
+    assert [path.name for path in written] == ["normals.npy", "mesh.obj", "mesh.stl"]
+    assert sorted(path.name for path in (tmp_path / "some").iterdir()) == sorted(path.name for path in written)
+    np.testing.assert_array_equal(np.load(written[0]), solution.normals().astype(np.float32))
+    for path in written[1:]:
+        assert 300 < len(trimesh.load_mesh(path).faces) <= 500 < len(solution.mesh().faces)
+    with pytest.raises(ps.InputError, match="save='depth,preview' has previews"):
+        solution.save(tmp_path / "none", save="depth,preview")
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_mesh_is_simplified_on_request(solution: ps.Solution, tmp_path: Path) -> None:
+    solution.save(tmp_path / "few.ply", mesh_faces=500)
+    solution.save(tmp_path / "all.ply", mesh_faces=None)
+    few, everything = (trimesh.load_mesh(tmp_path / f"{name}.ply", process=False) for name in ("few", "all"))
+    assert 300 < len(few.faces) <= 500
+    assert len(everything.faces) == len(solution.mesh().faces) == len(solution.mesh(mesh_faces=0).faces)
+    with pytest.raises(ps.InputError, match="mesh_faces=3 is not a number of triangles"):
+        solution.mesh(mesh_faces=3)
+
+
 @pytest.mark.parametrize("name", ["z.npy", "z.tiff", "z.tif", "z.png", "z.ply", "z.obj", "z.stl", "z.glb", "z.json"])
 def test_saving_to_one_file(solution: ps.Solution, tmp_path: Path, name: str) -> None:
     assert solution.save(tmp_path / name) == [tmp_path / name]

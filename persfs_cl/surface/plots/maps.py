@@ -18,7 +18,6 @@ from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of
 # Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
 _REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
 _NOTHING_DOUBTFUL = "0.65"
-_COMPRESSION = 4  # half the time of the usual 6, and no more bytes
 
 
 def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, unit: str = UNIT) -> None:
@@ -94,8 +93,14 @@ def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
     require_finite("normals", vectors)
     colours = np.empty(vectors.shape, np.uint8)
     for rows in row_blocks(vectors.shape[:2]):
-        upright = np.nan_to_num(vectors[rows] * (1.0, -1.0, -1.0), nan=0.0)
-        np.floor((upright.clip(-1.0, 1.0) + 1.0) * 127.5 + 0.5, out=colours[rows], casting="unsafe")
+        upright = vectors[rows] * (1.0, -1.0, -1.0)
+        np.copyto(upright, 0.0, where=np.isnan(upright))
+        upright.clip(-1.0, 1.0, out=upright)
+        upright += 1.0
+        upright *= 127.5
+        upright += 0.5
+        # Nothing is negative: cut off, it is rounded down.
+        colours[rows] = upright
     return colours
 
 
@@ -126,11 +131,15 @@ def normals_picture(path: FilePath, normals: ArrayLike) -> None:
     ...     path.read_bytes()[1:4]
     b'PNG'
     """
-    import imageio.v3
+    import imagecodecs
 
-    pixels = normals_rgb(normals)
-    # In memory first: imageio's writers print a traceback of their own when the disk is full.
-    data = imageio.v3.imwrite("<bytes>", pixels, extension=".png", compress_level=_COMPRESSION)
+    # For a smooth image these are as small as what takes five times as long.
+    data = imagecodecs.png_encode(
+        normals_rgb(normals),
+        level=imagecodecs.PNG.COMPRESSION.SPEED,
+        strategy=imagecodecs.PNG.STRATEGY.RLE,
+        filter=imagecodecs.PNG.FILTER.PAETH,
+    )
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
 
