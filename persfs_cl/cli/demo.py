@@ -95,4 +95,6 @@ What one photograph cannot tell was assumed: that the coin is matt, of one colou
 (a lamp to one side would darken the far flank of every bump, which is taken for a slope here); that its edge lies
 flat; and that it rises from there, for a hollow gives the same image. Details within come out as bumps upon bumps:
 no dip is ever found. The true depth of this coin is not known. The grey levels above only say how well the surface
-explains the photograph, not whether it is the right one.""")
+explains the photograph, not whether it is the right one.
+
+Open {folder / "index.html"} in a browser to turn the coin with the mouse.""")

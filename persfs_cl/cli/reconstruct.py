@@ -77,7 +77,7 @@ def reconstruct(
             rich_help_panel=_REGION,
         ),
     ] = None,
-    save: SaveOption = "depth,mesh,pictures,preview,report",
+    save: SaveOption = "depth,mesh,pictures,page,report",
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     keywords: Options,
 ) -> None:
@@ -125,7 +125,7 @@ def reconstruct(
             files = write(result, output, saving)
     except KeyboardInterrupt:
         stopped = True
-        saving = saving.without("pictures", "preview")
+        saving = saving.without("pictures", "page")
         if not saving.files:
             raise
         earlier = " Those in the folder are of an earlier run." if any(output.glob("*.png")) else ""

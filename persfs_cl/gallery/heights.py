@@ -7,7 +7,6 @@ of the page, as text. The photograph goes with them, because a picture loaded fr
 from __future__ import annotations
 
 import base64
-import json
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.gallery.reduced import Samples
+from persfs_cl.io.files import json_text
 from persfs_cl.surface.solved import SolvedSurface
 
 LONGEST = 256
@@ -76,7 +76,7 @@ def heights_script(surface: SolvedSurface, name: str, photo: bytes) -> str:
         "down": _bits(down, solved[:-1] & solved[1:]),
         "photo": f"data:image/jpeg;base64,{_text(photo)}",
     }
-    return f"persfsRelief({json.dumps(values, allow_nan=False)});\n"
+    return f"persfsRelief({json_text(values, indent=None)});\n"
 
 
 def _levels(depth: Array, solved: Mask) -> tuple[NDArray[np.uint16], list[float] | None]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -11,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import IO, Any
 
-from persfs_cl.io.files import atomic_path
+from persfs_cl.io.files import atomic_path, json_text
 
 INDEX = "index.html"
 MOST_ROWS = 50_000
@@ -109,7 +108,7 @@ def _write_records(file: IO[str], records: Iterable[Mapping[str, Any]]) -> None:
 
 def _json(value: Any) -> str:
     """JSON in ASCII that is safe inside of a script element: nothing in it ends the element or begins a comment."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return json_text(value, indent=None).replace("<", "\\u003c")
 
 
 def _flat(parameters: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:

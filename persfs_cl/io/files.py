@@ -275,9 +275,13 @@ def opened(path: FilePath) -> Iterator[BinaryIO]:
         raise InputError(f"{path} is larger than the memory: give a smaller file.") from error
 
 
-def json_text(value: Any) -> str:
-    """A value as indented JSON, which every reader takes: null stands for NaN and infinity, which JSON has not."""
-    return json.dumps(plain(value), indent=2, allow_nan=False)
+def json_text(value: Any, *, indent: int | None = 2) -> str:
+    """A value as JSON, which every reader takes: null stands for NaN and infinity, which JSON has not.
+
+    It is indented, or all in one line without blanks when `indent` is None.
+    """
+    separators = (",", ":") if indent is None else None
+    return json.dumps(plain(value), indent=indent, separators=separators, allow_nan=False)
 
 
 @contextmanager

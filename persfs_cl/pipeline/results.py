@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 
 from persfs_cl.arrays import Array
+from persfs_cl.gallery.index import write_index
 from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.io.photos import Photo
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepare import PreparedPhoto
-from persfs_cl.surface.saving import PREVIEW, Saving
+from persfs_cl.surface.saving import PAGE, PREVIEW, Saving
 from persfs_cl.surface.solution import Solution, write_files
 from persfs_cl.surface.solved import Derived
 
-EVERYTHING = Saving.of("depth,mesh,pictures,preview,report")
+EVERYTHING = Saving.of("depth,mesh,pictures,page,report")
 """What one photo alone becomes by default."""
 
 
@@ -58,7 +59,19 @@ class PhotoSolution:
         self.compare(Derived(self.solution))
         return self.photo_residual
 
-    def figures(self, *, compared: bool) -> dict[str, Any]:
+    def summary(self, files: Sequence[str]) -> dict[str, Any]:
+        """What a table or a page of photos says of this one, whose results are in some files."""
+        solution = self.solution
+        return {
+            "device": str(solution.device),
+            "converged": solution.status.name,
+            "iterations": solution.iterations,
+            "size": solution.depth.shape,
+            "files": tuple(files),
+            "figures": self._figures(compared="report.json" in files),
+        }
+
+    def _figures(self, *, compared: bool) -> dict[str, Any]:
         """Numbers for a table of many photos; the residual, which takes long, only where it is `compared` anyway."""
         solution, camera = self.solution, self.report["camera"]
         found = solution.depth[solution.solved]
@@ -114,6 +127,7 @@ def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | No
         "saturated": prepared.saturated,
         "clipped": prepared.clipped,
     }
+    title = name or solved.photo.path.name
     derived = Derived(solution, unreliable)
     report = None
     if "report.json" in saving.files:
@@ -123,7 +137,10 @@ def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | No
         written = write_files(temporary, solution, saving, derived, colour=solved.photo.colour, report=report)
         if not set(PREVIEW).isdisjoint(saving.files):
             colour = solved.photo.colour
-            written += write_preview(temporary, solution, colour, name=name or solved.photo.path.name)
+            written += write_preview(temporary, solution, colour, name=title)
+        if PAGE in saving.files:
+            about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.photo.path), "status": "done"}
+            written.append(write_index(temporary, [about], title=title, parameters=solution.parameters).name)
     return [folder / file for file in written]
 
 

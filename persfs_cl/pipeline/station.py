@@ -298,15 +298,7 @@ class Station:
 
     def _record(self, work: _Work, files: tuple[str, ...]) -> Record:
         assert work.solved is not None  # noqa: S101 - for the type checker
-        solution = work.solved.solution
-        return Record(
-            **self._about(work),
-            status="done",
-            converged=solution.status.name,
-            iterations=solution.iterations,
-            files=files,
-            figures=work.solved.figures(compared="report.json" in files),
-        )
+        return Record(**{**self._about(work), **work.solved.summary(files)}, status="done")
 
     def _about(self, work: _Work) -> dict[str, Any]:
         """What is recorded of every photo, however it ended."""

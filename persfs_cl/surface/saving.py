@@ -14,6 +14,8 @@ DEFAULT_MESH_FACES = 500_000
 
 PREVIEW = ("preview.jpg", "photo.jpg", "relief.js")
 """What a page with many results shows of one."""
+PAGE = "index.html"
+"""A page about this result alone, on which it can be turned."""
 
 _MESHES = tuple(f"mesh.{suffix}" for suffix in ("ply", "obj", "stl", "glb"))
 GROUPS = {
@@ -30,6 +32,7 @@ GROUPS = {
         "convergence.png",
     ),
     "preview": PREVIEW,
+    "page": (*PREVIEW, PAGE),
     "report": ("report.json",),
 }
 """The files of each item that is no file itself."""
@@ -42,6 +45,7 @@ FILES = (
     "report.json",
     *GROUPS["pictures"],
     *PREVIEW,
+    PAGE,
     *_MESHES,
 )
 """All there are, in the order in which they are written: a mesh takes most memory, when nothing else does any more."""

@@ -13,7 +13,7 @@ function loadHeights(url) {
     const end = () => {
       awaited.delete(script);
       script.remove();
-      reject(new Error(`${decodeURI(url)} cannot be read`)); // of no effect where it was handed over
+      reject(new Error("relief.js cannot be read")); // of no effect where it was handed over
     };
     script.addEventListener("load", end);
     script.addEventListener("error", end);

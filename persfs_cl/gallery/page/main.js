@@ -2,6 +2,7 @@
 
 const single = records.length === 1 && about.total === 1;
 const order = { words: "", state: "all", column: "name", descending: false };
+const narrow = window.matchMedia("(max-width: 860px)");
 let rows = [];
 let table = null;
 
@@ -11,6 +12,7 @@ const panel = new Panel({ step, close: () => open(null), changed: remember });
 function open(record, focus = false) {
   const before = panel.record;
   if (record !== before) panel.open(record);
+  cover();
   if (table) {
     table.choose(record ?? before, !record || focus);
     if (!record) {
@@ -18,9 +20,22 @@ function open(record, focus = false) {
       table.mark();
     }
   }
-  find("#previous").disabled = rows.indexOf(record) <= 0;
-  find("#next").disabled = rows.indexOf(record) === rows.length - 1;
+  ends();
   remember();
+}
+
+/** No way before the first image, nor after the last. */
+function ends() {
+  const place = rows.indexOf(panel.record);
+  find("#previous").disabled = place <= 0;
+  find("#next").disabled = place === rows.length - 1;
+}
+
+/** Where the panel lies over all else, nothing below it can be reached. */
+function cover() {
+  const covered = narrow.matches && !single && panel.record !== null;
+  for (const part of ["#top", "#tools", "#list"]) find(part).inert = covered;
+  if (covered && !panel.section.contains(document.activeElement)) panel.section.querySelector("h2").focus();
 }
 
 function step(by) {
@@ -36,8 +51,7 @@ function arrange(change, fromTop = true) {
   for (const button of find("#states").children) button.setAttribute("aria-pressed", button.value === order.state);
   find("#order select").value = `${order.column} ${order.descending ? "down" : "up"}`;
   find("#shown").textContent = rows.length === records.length ? "" : `${figure(rows.length)} of ${figure(records.length)}`;
-  find("#previous").disabled = rows.indexOf(panel.record) <= 0;
-  find("#next").disabled = rows.indexOf(panel.record) === rows.length - 1;
+  ends();
 }
 
 function sort(column) {
@@ -64,7 +78,9 @@ function follow() {
   take("turn", ["yaw", "pitch"]);
   take("zoom", ["zoom"]);
   take("move", ["x", "y"]);
-  const record = single ? records[0] : records.find(({ name }) => quoted(name) === wanted.relief);
+  // Written by hand, it may have signs that are not quoted.
+  const named = wanted.relief?.replace(/%[0-9a-f]{2}|[^%]+|%/gi, (part) => (/^%./.test(part) ? part.toUpperCase() : quoted(part)));
+  const record = single ? records[0] : records.find(({ name }) => quoted(name) === named);
   if (record) open(record);
   if (location.hash) {
     panel.viewer.put(wanted.wear);
@@ -98,12 +114,12 @@ function totals() {
   const spent = records.reduce((sum, record) => sum + (seconds(record) ?? 0), 0);
   const parts = [counted(about.total, "image"), `${figure(about.total - about.failed)} done`];
   if (about.failed) parts.push(`${figure(about.failed)} failed`);
-  if (spent) parts.push(`${duration(spent)} of work`);
+  if (spent) parts.push(`${duration(spent)} of processing`);
   let text = parts.join(" · ");
   if (records.length < about.total) {
     text += ` · listed here: ${figure(records.length)}, of which ${figure(count("failed"))} failed; summary.csv has all`;
   }
-  find("#totals").textContent = single ? title(records[0]) : text;
+  find("#totals").textContent = single ? records[0].path ?? "" : text;
 }
 
 function tools() {
@@ -163,6 +179,7 @@ if (!follow() && window.innerWidth > 1100) {
   if (first) open(first);
 }
 window.addEventListener("hashchange", follow);
+narrow.addEventListener("change", cover);
 window.addEventListener("keydown", (event) => {
   if (event.key === "Escape" && panel.record && !single) open(null);
   if (event.key === "/" && !single && !/^(INPUT|SELECT)$/.test(document.activeElement.tagName)) {

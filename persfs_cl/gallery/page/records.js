@@ -19,7 +19,7 @@ const percent = (value) => {
   return `${value > 0.999 && value < 1 ? "99.9" : figure(100 * value, 3)} %`;
 };
 const dimensions = (record) => (record.size ? `${record.size[1]} × ${record.size[0]}` : MISSING);
-const ENDS = { CONVERGED: "converged", MAX_ITERATIONS: "iterations ran out", STOPPED: "stopped" };
+const ENDS = { CONVERGED: "converged", MAX_ITERATIONS: "not converged", STOPPED: "stopped" };
 const title = (record) => record.name || (record.path ?? "").split("/").pop() || about.title;
 
 function outcome(record) {
@@ -33,7 +33,7 @@ function outcome(record) {
 /** Columns of the table, as wide as said; those of a higher rank give way first when there is no room. */
 const columns = [
   { key: "name", label: "Name", rank: 0, value: title },
-  { key: "status", label: "Status", rank: 1, width: 142, value: (record) => outcome(record).text },
+  { key: "status", label: "Status", rank: 1, width: 126, value: (record) => outcome(record).text },
   { key: "size", label: "Size", rank: 2, width: 116, number: true, value: pixels, text: dimensions },
   {
     key: "depth", label: "Depth", rank: 2, width: 150, number: true, value: (record) => figures(record).depth_median,

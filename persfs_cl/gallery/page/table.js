@@ -104,14 +104,17 @@ class Table {
     const made = element("tr", { className: failed(record) ? "failed" : "", "aria-rowindex": place + 2 });
     made.dataset.place = place;
     made.append(this.picture(record, "photo.jpg", ""), this.picture(record, "preview.jpg", "rank1"));
-    const name = element("td", { className: "name", title: title(record) }, element("b", {}, title(record)));
-    const [warning] = warnings(record);
-    if (warning) name.append(element("small", { className: "warning", title: warning }, warning));
+    const name = this.name(record);
     made.append(name);
     if (failed(record)) {
       const { kind = "", message = "No reason is known." } = record.error ?? {};
-      const text = element("div", { title: message }, message);
-      made.append(element("td", { className: "reason", colSpan: this.columns.length - 1 }, text, element("small", {}, kind)));
+      const reason = [element("div", { className: "reason", title: message }, message), element("small", {}, kind)];
+      if (this.columns.some(({ key }) => key === "status")) {
+        made.append(element("td", { colSpan: this.columns.length - 1 }, ...reason));
+      } else {
+        name.colSpan = this.columns.length;
+        name.append(reason[0]);
+      }
       return made;
     }
     for (const column of this.columns.slice(1)) {
@@ -121,6 +124,17 @@ class Table {
       data.append(key === "status" ? element("span", { className: `state ${kind}` }, text) : cell(column, record));
       made.append(data);
     }
+    return made;
+  }
+
+  /** The file's name, then its folder, then its first warning. */
+  name(record) {
+    const whole = title(record);
+    const end = whole.lastIndexOf("/") + 1;
+    const made = element("td", { className: "name", title: whole }, element("b", {}, whole.slice(end)));
+    if (end) made.append(element("small", {}, whole.slice(0, end)));
+    const [warning] = warnings(record);
+    if (warning) made.append(element("small", { className: "warning", title: warning }, warning));
     return made;
   }
 

@@ -23,6 +23,8 @@ function counted(count, one, many = `${one}s`) {
   return `${figure(count)} ${count === 1 ? one : many}`;
 }
 
+const hexadecimal = (code) => `%${code.toString(16).toUpperCase()}`;
+
 /**
  * Part of an address. A byte of a file's name that is no text arrives as a lone surrogate, U+DC80 to U+DCFF, for which
  * encodeURIComponent has no answer.
@@ -31,8 +33,9 @@ function quoted(part) {
   return Array.from(part, (letter) => {
     const code = letter.charCodeAt(0);
     const lone = letter.length === 1 && code >= 0xd800 && code <= 0xdfff;
-    if (!lone) return encodeURIComponent(letter);
-    return code >= 0xdc80 && code <= 0xdcff ? `%${(code - 0xdc00).toString(16).toUpperCase()}` : "%EF%BF%BD";
+    // Some signs that it leaves alone are quoted by others, and an address is to be the same whoever made it.
+    if (!lone) return "!'()*".includes(letter) ? hexadecimal(code) : encodeURIComponent(letter);
+    return code >= 0xdc80 && code <= 0xdcff ? hexadecimal(code - 0xdc00) : "%EF%BF%BD";
   }).join("");
 }
 
@@ -56,7 +59,10 @@ function element(kind, properties = {}, ...children) {
 function definitions(pairs) {
   return pairs
     .filter(([, value]) => value !== null && value !== undefined && value !== MISSING)
-    .map(([term, value]) => element("div", {}, element("dt", {}, term), element("dd", {}, value)));
+    .map(([term, value]) => {
+      const className = String(value).length > 24 ? "wide" : "";
+      return element("div", { className }, element("dt", {}, term), element("dd", {}, value));
+    });
 }
 
 const find = (selector) => document.querySelector(selector);
