@@ -17,12 +17,13 @@ from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, 
 from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption
-from persfs_cl.errors import InputError
-from persfs_cl.pipeline.batch import Again, Batch, as_shard, chosen_devices, crew_settings
+from persfs_cl.errors import InputError, PersfsError
+from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, chosen_devices, crew_settings
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard
 from persfs_cl.pipeline.crew import Crew
+from persfs_cl.pipeline.headers import look
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish
@@ -179,8 +180,11 @@ def batch(
     if root is not None and root.exists() and not root.is_dir():
         raise typer.BadParameter(f"{root} is a file: name a folder.", param_hint="'--output' / '-o'")
     listing = list_inputs(paths, output=root, masks=masks, frames=frames)
-    workers = crew_settings(plan, store, chosen_devices(keywords["device"]), room)
     whole = Batch(listing, plan, store, again=again, shard=share)
+    if dry_run:
+        _look(whole)
+        return
+    workers = crew_settings(plan, store, chosen_devices(keywords["device"]), room)
     tally = Tally()
     with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
         interrupted()
@@ -198,6 +202,42 @@ def batch(
     if stopped:
         raise typer.Exit(INTERRUPTED)
     if tally.failed:
+        raise typer.Exit(_INPUT_FAILED)
+
+
+def _look(whole: Batch) -> None:
+    """Say of every photo what would be done with it, as far as headers tell.
+
+    Raises
+    ------
+    typer.Exit
+        When some cannot be used.
+    """
+    usable = failed = 0
+    pixels = 0.0
+    for one in whole.pending():
+        if isinstance(one, BatchResult):
+            name, error = one.name, one.error
+        else:
+            name, error = one.name, None
+            try:
+                found = look(one.job)
+            except PersfsError as refusal:
+                error = refusal
+            else:
+                usable, pixels = usable + 1, pixels + found.megapixels
+                height, width = found.size
+                camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
+                mask = one.job.mask or "no mask"
+                typer.echo(f"{name}\t{width} x {height}\t{camera}\t{mask}")
+        if error is not None:
+            failed += 1
+            typer.echo(f"persfs-cl: {name}: {' '.join(str(error).split())}", err=True)
+    parts = [f"{usable} would be done, {pixels:.4g} million pixels"]
+    parts += [f"{whole.skipped} were done before"] * bool(whole.skipped)
+    parts += [f"{failed} cannot be used"] * bool(failed)
+    typer.echo(f"{', '.join(parts)}. Nothing was done.", err=True)
+    if failed:
         raise typer.Exit(_INPUT_FAILED)
 
 

@@ -85,7 +85,8 @@ def reconstruct(
 
     The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes what --save names: by
     default depth.npy, depth.tiff, mesh.ply, report.json, the pictures depth.png, normals.png, relief.png, rendered.png,
-    comparison.png, confidence.png and convergence.png, and for pages preview.jpg, photo.jpg and relief.js.
+    comparison.png, confidence.png and convergence.png, and index.html, a page on which the relief can be turned, with
+    preview.jpg, photo.jpg and relief.js.
     """
     saving = chosen_saving(save, mesh_faces)
     for option, value in (

@@ -164,6 +164,13 @@ class Batch:
                     )
             yield from self._noted(journal)
 
+    def pending(self) -> Iterator[Task | BatchResult]:
+        """What would be done, and the photos that nobody would be called for. Writes nothing."""
+        for task in self._tasks(None):
+            yield from self._noted(None)
+            yield task
+        yield from self._noted(None)
+
     def _noted(self, journal: Journal | None) -> Iterator[BatchResult]:
         """The photos that nobody need be called for."""
         while self._refused:

@@ -19,7 +19,7 @@ from persfs_cl.io.export import write_depth
 from persfs_cl.io.files import FilePath, as_path, filling
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.export import draw_all, drawings, unit_of, write_array, write_json, write_mesh
-from persfs_cl.surface.saving import DEFAULT_MESH_FACES, PREVIEW, Saving
+from persfs_cl.surface.saving import DEFAULT_MESH_FACES, PAGE, PREVIEW, Saving
 from persfs_cl.surface.solved import Derived, SolvedSurface, Unreliable
 
 
@@ -196,7 +196,7 @@ class Solution(SolvedSurface):
         """
         target = as_path(path)
         saving = Saving.of(save, mesh_faces)
-        if not set(PREVIEW).isdisjoint(saving.files):
+        if not {*PREVIEW, PAGE}.isdisjoint(saving.files):
             raise InputError.about("save", save, "has previews, which 'persfs-cl' alone draws: leave them out.")
         derived = Derived(self, unreliable)
         if target.suffix and not folder and not target.is_dir():
