@@ -1,19 +1,20 @@
-"""PNG, JPEG, TIFF and NumPy files decoded: the samples as they stand in the file, upright."""
+"""PNG, JPEG and TIFF files decoded: the samples as they stand in the file, upright."""
 
 from __future__ import annotations
 
 import io
 import math
+import mmap
 import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, SupportsFloat
+from typing import TYPE_CHECKING, Any, BinaryIO, SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath, read_bytes
+from persfs_cl.io.files import FilePath, opened, read_bytes
 from persfs_cl.io.limits import require_pixels
 from persfs_cl.io.raw import refuse_raw
 from persfs_cl.io.remarks import decoding
@@ -41,10 +42,14 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".tif", 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_SIGNATURE = b"\xff\xd8\xff"
 _EXIF_ORIENTATION = 274
+_HEAD = 64
+"""Bytes that tell the formats apart."""
 _JPEG_BLOCK = 16
 # Of the compressions that say their own size, those whose header is looked at: JPEG, JPEG 2000, PNG and WebP.
 _LOOKED_INTO = (6, 7, 33003, 33004, 33005, 33007, 34712, 34892, 34933, 50001)
 # What each EXIF orientation but 1, upright, has done to the photo.
+ON_A_SIDE = (5, 6, 7, 8)
+"""EXIF orientations that exchange height and width."""
 TURNED = {2: "mirrored", 3: "turned by 180°", 4: "flipped", 5: "transposed", 6: "turned", 7: "transposed", 8: "turned"}
 
 
@@ -73,6 +78,57 @@ class Raster:
         return np.asarray(self.samples[..., -1] > self.white / 2) if has_alpha else None
 
 
+@dataclass(frozen=True)
+class Header:
+    """What a file says of its samples before they are decoded.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        (height, width) of the upright image; of a NumPy file whatever it holds.
+    bits : int
+        Of a sample.
+    dtype : dtype
+    orientation : int
+        By EXIF.
+    """
+
+    shape: tuple[int, ...]
+    bits: int
+    dtype: np.dtype[Any]
+    orientation: int = 1
+
+
+def read_header(path: Path) -> Header:
+    """What a PNG, JPEG or TIFF file says of its samples; refused for what :func:`read_raster` would refuse it so far.
+
+    Only its beginning is read, or the directories of a TIFF file. So what is wrong behind these is not found, and an
+    orientation that a PNG file has behind its pixels is not heeded.
+    """
+    from PIL import Image
+
+    with opened(path) as file, decoding(path):
+        if file.read(4) in SIGNATURES:
+            import tifffile
+
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                _require_directories(path, data)
+                file.seek(0)
+                with tifffile.TiffFile(file) as tiff:
+                    page = _tiff_page(path, data, tiff)
+                orientation = _orientation(page.tags.valueof(_EXIF_ORIENTATION))
+                size, bits, dtype = (page.imagelength, page.imagewidth), page.bitspersample, page.dtype
+                if dtype is None:
+                    raise tifffile.TiffFileError(f"samples of {bits} bits")  # for the block to word
+        else:
+            with open_png_or_jpeg(path, file) as photo:
+                bits = _flat_form(path, photo, file)[1]
+                # Without its pixels: Pillow's own way decodes a PNG file for what may follow them.
+                orientation = _orientation(Image.Image.getexif(photo).get(_EXIF_ORIENTATION))
+                size, dtype = (photo.height, photo.width), np.dtype(np.uint16 if bits == 16 else np.uint8)
+    return Header(size[::-1] if orientation in ON_A_SIDE else size, bits, dtype, orientation)
+
+
 def read_raster(path: Path) -> Raster:
     """The samples of a PNG, JPEG or TIFF file; InputError when it is no single image of them."""
     data = read_bytes(path)
@@ -87,29 +143,7 @@ def read_raster(path: Path) -> Raster:
         return Raster(_upright(samples, orientation), bits, orientation)
 
 
-def read_npy(path: Path) -> NDArray[Any]:
-    """The array in a NumPy file; InputError when it is none, or one of Python objects."""
-    data = read_bytes(path)
-    with decoding(path):
-        file = io.BytesIO(data)
-        version = np.lib.format.read_magic(file)
-        # Versions 2 and 3 differ in the letters of field names only.
-        read_header = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read_header(file)
-        if dtype.hasobject:
-            raise InputError(f"{path} holds Python objects, which are not read: save an array of numbers.")
-        promised, held = math.prod(shape) * dtype.itemsize, len(data) - file.tell()
-        if promised > held or min(shape, default=0) < 0:
-            raise InputError(
-                f"{path} is broken: its header promises shape {shape} of {dtype}, {promised} bytes, and {held} follow. "
-                "Save or copy it again."
-            )
-        require_pixels(path, shape)
-        file.seek(0)
-        return np.lib.format.read_array(file, allow_pickle=False)
-
-
-def open_png_or_jpeg(path: FilePath, data: bytes) -> PIL.Image.Image:
+def open_png_or_jpeg(path: FilePath, file: BinaryIO) -> PIL.Image.Image:
     """The file as Pillow opens it, its pixels not yet decoded.
 
     Pillow's own errors are let through.
@@ -121,13 +155,16 @@ def open_png_or_jpeg(path: FilePath, data: bytes) -> PIL.Image.Image:
     """
     from PIL import JpegImagePlugin, PngImagePlugin
 
+    file.seek(0)
+    head = file.read(_HEAD)
+    file.seek(0)
     # Not by PIL.Image.open, whose own limit on pixels, warned of and then enforced, is the same on every machine.
-    if data.startswith(_PNG_SIGNATURE):
-        photo: PIL.Image.Image = PngImagePlugin.PngImageFile(io.BytesIO(data))
-    elif data.startswith(_JPEG_SIGNATURE):
-        photo = JpegImagePlugin.jpeg_factory(io.BytesIO(data))
+    if head.startswith(_PNG_SIGNATURE):
+        photo: PIL.Image.Image = PngImagePlugin.PngImageFile(file)
+    elif head.startswith(_JPEG_SIGNATURE):
+        photo = JpegImagePlugin.jpeg_factory(file)
     else:
-        refuse_raw(path, data)
+        refuse_raw(path, head)
         raise InputError(f"{path} is not a PNG, JPEG or TIFF image: convert it to one of these.")
     require_pixels(path, (photo.height, photo.width))
     return photo
@@ -136,6 +173,7 @@ def open_png_or_jpeg(path: FilePath, data: bytes) -> PIL.Image.Image:
 def require_brightness(path: Path, raster: Raster, *, keep_nan: bool = False) -> None:
     """Refuse samples that are no brightness: negative, infinite, NaN unless it is kept, or of another type."""
     samples = raster.colours
+    require_type(path, samples.dtype, raster.bits)
     if samples.dtype.kind == "f":
         bad = np.count_nonzero(np.isinf(samples) if keep_nan else ~np.isfinite(samples))
         if bad:
@@ -146,8 +184,12 @@ def require_brightness(path: Path, raster: Raster, *, keep_nan: bool = False) ->
                 f"{path} has {negative} negative samples, the lowest {np.nanmin(samples):g}: brightness cannot be "
                 "negative. Cut them to 0, and save it again."
             )
-    elif samples.dtype.kind != "u" or raster.bits > 16:
-        raise InputError(f"{path} holds samples of type {samples.dtype}: save it as floats or unsigned 8 or 16 bits.")
+
+
+def require_type(path: Path, dtype: np.dtype[Any], bits: int) -> None:
+    """Refuse samples of a type that is not taken for brightness."""
+    if dtype.kind != "f" and (dtype.kind not in "ub" or bits > 16):
+        raise InputError(f"{path} holds samples of type {dtype}: save it as floats or unsigned 8 or 16 bits.")
 
 
 def exif_number(value: object) -> float | None:
@@ -164,48 +206,49 @@ def exif_number(value: object) -> float | None:
 
 
 def _decode_png_or_jpeg(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
-    with open_png_or_jpeg(path, data) as photo:
-        # A multi-picture JPEG holds the photo first, then its preview or gain map.
-        pictures = 1 if photo.format == "MPO" else getattr(photo, "n_frames", 1)
-        if pictures != 1:
-            raise InputError(f"{path} is an animation of {pictures} pictures: save the one you want alone.")
+    file = io.BytesIO(data)
+    with open_png_or_jpeg(path, file) as photo:
+        mode, bits = _flat_form(path, photo, file)
         orientation = _orientation(photo.getexif().get(_EXIF_ORIENTATION))
-        # The bit depth has this place in every PNG. Pillow would drop the lower half of 16-bit colours.
-        if photo.format == "PNG" and data[24] == 16:
+        if bits == 16:
             import imagecodecs
 
-            return imagecodecs.png_decode(data), 16, orientation
-        if photo.has_transparency_data:
-            mode = "LA" if photo.mode in ("1", "L", "LA") else "RGBA"
-        elif photo.mode in ("1", "L"):
-            mode = "L"
-        elif photo.mode in ("P", "RGB"):
-            mode = "RGB"
-        else:
-            raise InputError(f"{path} has the colour model {photo.mode}: save it as grey or RGB.")
-        return np.asarray(photo.convert(mode)), 8, orientation
+            return imagecodecs.png_decode(data), bits, orientation
+        return np.asarray(photo.convert(mode)), bits, orientation
+
+
+def _flat_form(path: Path, photo: PIL.Image.Image, file: BinaryIO) -> tuple[str, int]:
+    """The mode to convert a PNG or JPEG file to, and its bits; refused if it is no single grey or RGB image."""
+    # A multi-picture JPEG holds the photo first, then its preview or gain map.
+    pictures = 1 if photo.format == "MPO" else getattr(photo, "n_frames", 1)
+    if pictures != 1:
+        raise InputError(f"{path} is an animation of {pictures} pictures: save the one you want alone.")
+    if photo.format == "PNG":
+        here = file.tell()
+        # The bit depth has this place in every PNG. Pillow would drop the lower half of 16-bit colours.
+        file.seek(24)
+        bits = file.read(1)[0]
+        file.seek(here)
+        if bits == 16:
+            return "", 16
+    if photo.has_transparency_data:
+        return "LA" if photo.mode in ("1", "L", "LA") else "RGBA", 8
+    if photo.mode in ("1", "L"):
+        return "L", 8
+    if photo.mode in ("P", "RGB"):
+        return "RGB", 8
+    raise InputError(f"{path} has the colour model {photo.mode}: save it as grey or RGB.")
 
 
 def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
     import tifffile
 
-    directories = read_directories(path, data)
-    refuse_raw(path, data, directories)
-    for directory in directories:
-        _require_tiff_pixels(path, directory)
+    _require_directories(path, data)
     with tifffile.TiffFile(io.BytesIO(data)) as tiff:
-        pages = [page for page in tiff.pages if isinstance(page, tifffile.TiffPage) and not page.is_reduced]
-        if not pages:
-            raise tifffile.TiffFileError("it holds no image")
-        if len(pages) != 1:
-            raise InputError(f"{path} has {len(pages)} pages: save the one you want alone.")
-        page = pages[0]
-        _require_whole(path, page, data)
+        page = _tiff_page(path, data, tiff)
         samples = page.asarray()
     bits = page.bitspersample
     model = tifffile.PHOTOMETRIC(page.photometric)
-    if page.axes not in ("YX", "YXS", "SYX"):
-        raise InputError(f"{path} has the axes {page.axes}: save one flat image, height × width.")
     if page.axes == "SYX":
         samples = np.moveaxis(samples, 0, -1)
     if samples.dtype == np.bool_:
@@ -220,10 +263,6 @@ def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
                 "it with 0 as black (MINISBLACK)."
             )
         samples = 2**bits - 1 - samples
-    elif model == tifffile.PHOTOMETRIC.YCBCR and page.compression == tifffile.COMPRESSION.JPEG:
-        pass  # decoded to RGB already
-    elif model not in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB):
-        raise InputError(f"{path} has the colour model {model.name}: save it as grey or RGB.")
     if samples.ndim == 3:
         extra = [tifffile.EXTRASAMPLE(kind) for kind in page.extrasamples]
         associated = extra[:1] == [tifffile.EXTRASAMPLE.ASSOCALPHA]
@@ -232,6 +271,36 @@ def _decode_tiff(path: Path, data: bytes) -> tuple[NDArray[Any], int, int]:
         if associated and samples.dtype.kind in "uf":
             samples = _unmultiplied(samples, bits)
     return samples, bits, _orientation(page.tags.valueof(_EXIF_ORIENTATION))
+
+
+def _require_directories(path: Path, data: bytes | mmap.mmap) -> None:
+    """Refuse a TIFF file that no decoder should be let near."""
+    directories = read_directories(path, data)
+    refuse_raw(path, data[:_HEAD], directories)
+    for directory in directories:
+        _require_tiff_pixels(path, directory)
+
+
+def _tiff_page(path: Path, data: bytes | mmap.mmap, tiff: tifffile.TiffFile) -> tifffile.TiffPage:
+    """The page of a TIFF file that is the image, not yet decoded; refused if there is none, or it cannot be read."""
+    import tifffile
+
+    pages = [page for page in tiff.pages if isinstance(page, tifffile.TiffPage) and not page.is_reduced]
+    if not pages:
+        raise tifffile.TiffFileError("it holds no image")
+    if len(pages) != 1:
+        raise InputError(f"{path} has {len(pages)} pages: save the one you want alone.")
+    page = pages[0]
+    _require_whole(path, page, data)
+    if page.axes not in ("YX", "YXS", "SYX"):
+        raise InputError(f"{path} has the axes {page.axes}: save one flat image, height × width.")
+    model = tifffile.PHOTOMETRIC(page.photometric)
+    flat = (model.MINISWHITE, model.MINISBLACK, model.RGB)
+    palette = model == model.PALETTE and page.colormap is not None
+    jpeg = model == model.YCBCR and page.compression == tifffile.COMPRESSION.JPEG  # which is decoded to RGB
+    if model not in flat and not palette and not jpeg:
+        raise InputError(f"{path} has the colour model {model.name}: save it as grey or RGB.")
+    return page
 
 
 def _require_tiff_pixels(path: Path, directory: Directory) -> None:
@@ -245,7 +314,7 @@ def _require_tiff_pixels(path: Path, directory: Directory) -> None:
     require_pixels(path, tuple(shape if shape[0] > 1 else shape[1:]), weight=max(1, -(-samples // 4)))
 
 
-def _require_whole(path: Path, page: tifffile.TiffPage, data: bytes) -> None:
+def _require_whole(path: Path, page: tifffile.TiffPage, data: bytes | mmap.mmap) -> None:
     """Refuse strips and tiles that are missing, or that unpack to more than their page says."""
     import tifffile
 
@@ -313,13 +382,13 @@ def _unmultiplied(samples: NDArray[Any], bits: int) -> NDArray[Any]:
 
 def _orientation(value: object) -> int:
     """EXIF's orientation; 1, upright, for what EXIF does not know, such as the 0 of some cameras."""
-    number = exif_number(value)
+    number = value if isinstance(value, int) else exif_number(value)
     return int(number) if number in TURNED else 1
 
 
 def _upright(samples: NDArray[Any], orientation: int) -> NDArray[Any]:
     """Undo EXIF's orientation: 1 is upright, 3 upside down, 6 and 8 on a side, the others mirrored."""
-    if orientation in (5, 6, 7, 8):
+    if orientation in ON_A_SIDE:
         samples = samples.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
         samples = samples[::-1]

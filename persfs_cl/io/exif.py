@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import math
+import mmap
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, BinaryIO
 
 from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.decode import exif_number, open_png_or_jpeg
-from persfs_cl.io.files import FilePath, as_path, read_bytes
+from persfs_cl.io.files import FilePath, as_path, opened
 from persfs_cl.io.raw import refuse_raw
 from persfs_cl.io.remarks import decoding
 from persfs_cl.io.tiff import BIG_SIGNATURES, IMAGE_LENGTH, IMAGE_WIDTH, SIGNATURES, Directory, read_directories
@@ -152,27 +152,46 @@ def _read_exif(path: FilePath) -> tuple[tuple[int, int], Mapping[str, Any]]:
     """Size in pixels, one side and the other, and the EXIF tags by name."""
     from PIL import ExifTags, Image
 
-    data = read_bytes(path)
-    with decoding(path, "cannot be read as a PNG, JPEG or TIFF photo"):
-        if data.startswith(SIGNATURES):
-            pages = read_directories(path, data)
-            refuse_raw(path, data, pages)
-            if data.startswith(BIG_SIGNATURES):
+    with opened(path) as file, decoding(path, "cannot be read as a PNG, JPEG or TIFF photo"):
+        if file.read(4) in SIGNATURES:
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                pages = read_directories(path, data)
+                refuse_raw(path, data[:64], pages)
+                big = data[:4] in BIG_SIGNATURES
+            if big:
                 # Pillow reads tags at 32-bit offsets only.
                 raise CameraError(f"{path} is a BigTIFF file, whose EXIF data are not read. {_TELL}")
             # Read as bare tags: Pillow cannot open TIFF images of floats.
             exif = Image.Exif()
-            exif.load_from_fp(io.BytesIO(data))
+            file.seek(0)
+            exif.load_from_fp(file)
             whole = next((page for page in pages if not page.reduced), Directory({}))
             size = whole.number(IMAGE_WIDTH), whole.number(IMAGE_LENGTH)
             if min(size) < 1:
                 raise InputError(f"{path} is broken: it does not say its width and height. Save or copy it again.")
         else:
-            with open_png_or_jpeg(path, data) as photo:
-                exif, size = photo.getexif(), photo.size
+            with open_png_or_jpeg(path, file) as photo:
+                if photo.format == "PNG" and "exif" not in photo.info:
+                    # Pillow would decode the pixels for what may follow them.
+                    photo.info.update(_late_exif(file))
+                exif, size = Image.Image.getexif(photo), photo.size
                 _refuse_loops(path, photo.info.get("exif"))
         tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
     return size, {ExifTags.TAGS.get(tag, str(tag)): value for tag, value in tags.items()}
+
+
+def _late_exif(file: BinaryIO) -> dict[str, bytes]:
+    """The EXIF data of a PNG file, wherever they are, as Pillow has them; the chunks before are passed over."""
+    place = 8
+    while True:
+        file.seek(place)
+        head = file.read(8)
+        if len(head) < 8 or head[4:] == b"IEND":
+            return {}
+        size = int.from_bytes(head[:4], "big")
+        if head[4:] == b"eXIf":
+            return {"exif": b"Exif\0\0" + file.read(size)}
+        place += size + 12
 
 
 def _refuse_loops(path: FilePath, exif: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 from collections.abc import Mapping
@@ -32,6 +33,10 @@ def memory() -> int:
     return min((size for size in sizes if size > 0), default=_USUAL_MEMORY)
 
 
+# Asked once: it takes longer than to look at the header of a file.
+_memory = functools.cache(memory)
+
+
 def max_pixels(environment: Mapping[str, str] = os.environ) -> int:
     """The largest number of pixels that is read: a share of the machine's memory, or what PERSFS_CL_MAX_PIXELS says.
 
@@ -42,7 +47,7 @@ def max_pixels(environment: Mapping[str, str] = os.environ) -> int:
     """
     text = environment.get(VARIABLE, "").strip()
     if not text:
-        return memory() // _BYTES_PER_PIXEL
+        return _memory() // _BYTES_PER_PIXEL
     try:
         number = float(text)
     except ValueError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.checks import to_float64, warn
 from persfs_cl.errors import InputError
-from persfs_cl.io.decode import TURNED, read_npy, read_raster, require_brightness
+from persfs_cl.io.decode import ON_A_SIDE, TURNED, read_header, read_raster, require_brightness, require_type
 from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.io.npy import read_npy, read_npy_header
 from persfs_cl.io.photos import Channel, Encoding, read_photo
 
+MapKind = Literal["depth", "light", "mask"]
 _TIFF_SUFFIXES = (".tif", ".tiff")
-_ON_A_SIDE = (5, 6, 7, 8)
+_STORED: dict[MapKind, tuple[str, str]] = {
+    "depth": ("iuf", "not numbers: save the depth as floats"),
+    "light": ("iuf", "not numbers: save linear light as floats"),
+    "mask": ("b", "not bool: save it as mask.astype(bool)"),
+}
+"""Kinds of dtype of what NumPy files may hold, and what is said of others."""
 
 
 def read_light(
@@ -72,13 +79,12 @@ def read_light(
     own = 1
     if path.suffix.lower() == ".npy":
         stored = read_npy(path)
-        if stored.dtype.kind not in "iuf":
-            raise InputError(f"{path} holds {stored.dtype}, not numbers: save linear light as floats.")
+        _require_stored("light", path, stored.dtype)
         light = to_float64(stored)
     else:
         photo = read_photo(path, channel=channel, encoding=encoding, keep_nan=True)
         light, own = photo.image, photo.orientation
-    _require_shape(path, light, shape, orientation, own=own)
+    _require_shape(path, light.shape, shape, orientation, own=own)
     return light
 
 
@@ -122,8 +128,7 @@ def read_mask(path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -
     own = 1
     if path.suffix.lower() == ".npy":
         mask = read_npy(path)
-        if mask.dtype != np.bool_:
-            raise InputError(f"{path} holds {mask.dtype}, not bool: save it as mask.astype(bool).")
+        _require_stored("mask", path, mask.dtype)
     else:
         raster = read_raster(path)
         require_brightness(path, raster)
@@ -137,7 +142,7 @@ def read_mask(path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -
         if raster.opaque is not None:
             mask &= raster.opaque
         own = raster.orientation
-    _require_shape(path, mask, shape, orientation, own=own)
+    _require_shape(path, mask.shape, shape, orientation, own=own)
     return mask
 
 
@@ -184,21 +189,18 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
     """
     path = as_path(path)
     own = 1
-    suffix = path.suffix.lower()
-    if suffix == ".npy":
+    _require_depth_name(path)
+    if path.suffix.lower() == ".npy":
         stored = read_npy(path)
-    elif suffix in _TIFF_SUFFIXES:
+    else:
         raster = read_raster(path)
         stored, own = raster.samples, raster.orientation
         stored = stored[..., 0] if stored.shape[2] == 1 else stored
-    else:
-        raise InputError(f"{path} is not a depth map by its name: give a .npy, .tif or .tiff file.")
-    if stored.dtype.kind not in "iuf":
-        raise InputError(f"{path} holds {stored.dtype}, not numbers: save the depth as floats.")
+    _require_stored("depth", path, stored.dtype)
     if stored.ndim != 2 or stored.size == 0:
         raise InputError(f"{path} has shape {stored.shape}: a depth map is (height, width).")
     if shape is not None:
-        _require_shape(path, stored, shape, orientation, own=own)
+        _require_shape(path, stored.shape, shape, orientation, own=own)
     # A copy in any case; what float64 cannot hold is refused as infinite.
     depth = to_float64(stored).copy()
     if stored.dtype.kind != "f":
@@ -212,8 +214,52 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
     return depth
 
 
+def check_map(kind: MapKind, path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -> None:
+    """Refuse a map by its header, for what the function that reads it would refuse it so far.
+
+    Parameters
+    ----------
+    kind : {"depth", "light", "mask"}
+        Which function that is.
+    path, shape, orientation
+        As for that function.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, empty, of another shape or type, or broken within its header.
+
+    Warns
+    -----
+    UserWarning
+        As the function that reads it.
+    """
+    path = as_path(path)
+    if kind == "depth":
+        _require_depth_name(path)
+    if path.suffix.lower() == ".npy":
+        header = read_npy_header(path)
+        _require_stored(kind, path, header.dtype)
+    else:
+        header = read_header(path)
+        if kind != "depth":
+            require_type(path, header.dtype, header.bits)
+    _require_shape(path, header.shape, shape, orientation, own=header.orientation)
+
+
+def _require_depth_name(path: Path) -> None:
+    if path.suffix.lower() not in (".npy", *_TIFF_SUFFIXES):
+        raise InputError(f"{path} is not a depth map by its name: give a .npy, .tif or .tiff file.")
+
+
+def _require_stored(kind: MapKind, path: Path, dtype: np.dtype[Any]) -> None:
+    kinds, remedy = _STORED[kind]
+    if dtype.kind not in kinds:
+        raise InputError(f"{path} holds {dtype}, {remedy}.")
+
+
 def _require_shape(
-    path: Path, array: NDArray[Any], shape: tuple[int, int], orientation: int = 1, *, own: int = 1
+    path: Path, found: tuple[int, ...], shape: tuple[int, int], orientation: int = 1, *, own: int = 1
 ) -> None:
     """Refuse another shape than the photo's, and warn of one that fits the photo as it was before EXIF turned it.
 
@@ -221,17 +267,16 @@ def _require_shape(
     """
     turned = orientation in TURNED and own != orientation
     how = f"EXIF orientation {orientation}: {TURNED.get(orientation)}"
-    if array.shape != tuple(shape):
-        if turned and orientation in _ON_A_SIDE and array.shape == tuple(shape)[::-1]:
+    if found != tuple(shape):
+        if turned and orientation in ON_A_SIDE and found == tuple(shape)[::-1]:
             raise InputError(
-                f"{path} has shape {array.shape}, and fits the photo as it lies in its file; the photo is read upright "
+                f"{path} has shape {found}, and fits the photo as it lies in its file; the photo is read upright "
                 f"({how}), with {tuple(shape)} (height, width). Turn {path} in the same way."
             )
         raise InputError(
-            f"{path} has shape {array.shape}, but the image has {tuple(shape)} (height, width): "
-            "make them the same size."
+            f"{path} has shape {found}, but the image has {tuple(shape)} (height, width): make them the same size."
         )
-    if turned and (orientation not in _ON_A_SIDE or shape[0] == shape[1]):
+    if turned and (orientation not in ON_A_SIDE or shape[0] == shape[1]):
         warn(
             f"The photo is read upright ({how}), and by its shape nobody can tell whether {path} was made for it so: "
             "make sure that it was, and not without turning the photo.",

@@ -78,7 +78,7 @@ def refuse_raw(path: FilePath, data: bytes, pages: Sequence[Directory] = ()) -> 
     path : path
         Named in the error.
     data : bytes
-        The whole file.
+        The first 64, or more.
     pages : sequence of Directory
         Of a TIFF file.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -64,7 +65,7 @@ class Directory:
             yield from part.walk()
 
 
-def read_directories(path: FilePath, data: bytes) -> list[Directory]:
+def read_directories(path: FilePath, data: bytes | mmap.mmap) -> list[Directory]:
     """The pages of a TIFF file, or of EXIF data, with what hangs from them.
 
     What lies outside the file is left to the decoder, which says it better.
@@ -73,7 +74,7 @@ def read_directories(path: FilePath, data: bytes) -> list[Directory]:
     ----------
     path : path
         Named in errors.
-    data : bytes
+    data : bytes or mmap
         The whole file, which begins with one of `SIGNATURES`.
 
     Raises
@@ -86,7 +87,7 @@ def read_directories(path: FilePath, data: bytes) -> list[Directory]:
 
 
 class _Walk:
-    def __init__(self, path: FilePath, data: bytes) -> None:
+    def __init__(self, path: FilePath, data: bytes | mmap.mmap) -> None:
         self.path, self.data = path, data
         self.order = "<" if data[:2] == b"II" else ">"
         self.big = data[:4] in BIG_SIGNATURES

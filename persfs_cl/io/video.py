@@ -7,6 +7,8 @@ import os
 import threading
 import weakref
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -79,10 +81,13 @@ def read_video_header(path: FilePath) -> VideoHeader:
         When the file cannot be read, or is no video; when PyAV is not installed.
     """
     _require_av(path)
+    return _header(as_path(path), _status(path))
+
+
+@lru_cache(maxsize=256)
+def _header(path: Path, _status: tuple[int, int]) -> VideoHeader:
     import av
 
-    with opened(path):  # for what it refuses
-        pass
     with decoding(path, "cannot be read as a video"), av.open(os.fspath(path)) as container:
         if not container.streams.video:
             raise InputError(f"{path} has no pictures, or was cut off: give a video, or copy it again.")
@@ -142,7 +147,7 @@ class _Reader:
         self.path, self.status, self.next = as_path(path), status, 0
         self.header = read_video_header(path)
         with decoding(path, "cannot be read as a video"):
-            self.plugin: Any = imageio.imopen(path, "r", plugin="pyav")
+            self.plugin: Any = imageio.imopen(self.path, "r", plugin="pyav")
         # Also when the thread ends, or the process does.
         self.close = weakref.finalize(self, self.plugin.close)
 
