@@ -10,7 +10,6 @@ import inspect
 import math
 import os
 import sys
-import threading
 import warnings
 from collections.abc import Collection
 from numbers import Integral, Real
@@ -28,12 +27,6 @@ _MOST_NUMBERS = 2**31
 
 NEAREST, FARTHEST = 1e-30, 1e30
 """Depths from here to there can be squared, and written in single precision, in any unit that somebody may choose."""
-
-changing_warnings = threading.RLock()
-"""Held around `warnings.catch_warnings`, which changes a state that all threads share.
-
-Of two blocks at once, the one that ends last would bring back what the other had set.
-"""
 
 
 def as_array(name: str, given: ArrayLike) -> NDArray[Any]:

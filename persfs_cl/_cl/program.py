@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import logging
 import re
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,9 @@ import pyopencl as cl
 from persfs_cl._cl.cache import pocl_cache
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.parameters import COMMON, declaration
-from persfs_cl.checks import changing_warnings, warn
+from persfs_cl.checks import warn
 from persfs_cl.errors import KernelBuildError
+from persfs_cl.told import hearing, pass_on
 
 _LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -145,10 +145,10 @@ def _build(device: Device, names: Sequence[str], constants: Mapping[str, int], p
 
 def _compiled(device: Device, source: str, options: Sequence[str], names: Sequence[str]) -> cl.Program:
     """The program. What the compiler says goes to the log, and becomes a warning where it is about our source."""
-    with changing_warnings, warnings.catch_warnings():
-        # All of it is read below.
-        warnings.simplefilter("ignore", cl.CompilerWarning)
+    with hearing() as heard:
         built: cl.Program = cl.Program(device.context, source).build(options)
+    # All that the compiler says is read below.
+    pass_on(warning for warning in heard if not issubclass(warning.category, cl.CompilerWarning))
     if not built.get_info(cl.program_info.NUM_KERNELS):
         raise KernelBuildError("The program came without kernels.")
     log: Callable[..., Any] = built.get_build_info

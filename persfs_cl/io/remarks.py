@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import logging
 import threading
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from persfs_cl.checks import changing_warnings, warn
+from persfs_cl.checks import warn
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.files import FilePath
+from persfs_cl.told import DEVELOPERS, hearing, pass_on
 
-_DEVELOPERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ImportWarning, ResourceWarning)
 # Harmless, or said otherwise.
 _IDLE = ("Palette images with Transparency", "is not a valid ORIENTATION")
+
+
+class _OfThread(threading.local):
+    """Where the lines that a thread logs go, if it decodes something."""
+
+    said: list[str] | None = None
+
+
+_thread = _OfThread()
 
 
 @contextmanager
@@ -41,38 +49,21 @@ def decoding(path: FilePath, failure: str = "is broken or not supported") -> Ite
     UserWarning
         When a decoder found something odd, and read the file all the same.
     """
-    thread = threading.get_ident()
     said: list[str] = []
-
-    def hold_back(record: logging.LogRecord) -> bool:
-        if record.thread != thread:
-            return True
-        said.append(record.getMessage())
-        return False
-
-    logger = logging.getLogger("tifffile")
-    with changing_warnings:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            logger.addFilter(hold_back)
-            try:
-                yield
-            except PersfsError:
-                raise
-            except MemoryError as error:
-                raise InputError(
-                    f"{path} is too large: the memory does not suffice. Reduce it to some million pixels first."
-                ) from error
-            except Exception as error:  # whatever a decoder raises at broken data
-                reason = _sentence(str(error)) or type(error).__name__
-                raise InputError(f"{path} {failure} ({reason}): save or copy it again.") from error
-            finally:
-                logger.removeFilter(hold_back)
-        for warning in caught:
-            if issubclass(warning.category, _DEVELOPERS):
-                warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
-            else:
-                said.append(str(warning.message))
+    with hearing() as heard, _logging_to(said):
+        try:
+            yield
+        except PersfsError:
+            raise
+        except MemoryError as error:
+            raise InputError(
+                f"{path} is too large: the memory does not suffice. Reduce it to some million pixels first."
+            ) from error
+        except Exception as error:  # whatever a decoder raises at broken data
+            reason = _sentence(str(error)) or type(error).__name__
+            raise InputError(f"{path} {failure} ({reason}): save or copy it again.") from error
+    pass_on(warning for warning in heard if issubclass(warning.category, DEVELOPERS))
+    said += [warning.message for warning in heard if not issubclass(warning.category, DEVELOPERS)]
     remarks = [_sentence(remark) for remark in dict.fromkeys(said) if not any(idle in remark for idle in _IDLE)]
     if remarks:
         more = f", and {len(remarks) - 1} more" if len(remarks) > 1 else ""
@@ -86,3 +77,22 @@ def _sentence(text: str) -> str:
     """On one line, and not too long."""
     line = " ".join(text.split()).strip(" .")
     return line if len(line) <= 200 else f"{line[:197]}..."
+
+
+@contextmanager
+def _logging_to(said: list[str]) -> Iterator[None]:
+    """A block in which this thread hears what tifffile logs, and nobody else does."""
+    # It stays there: a list of filters that others shorten while a line goes through it lets some of them out.
+    logging.getLogger("tifffile").addFilter(_is_for_the_log)
+    before, _thread.said = _thread.said, said
+    try:
+        yield
+    finally:
+        _thread.said = before
+
+
+def _is_for_the_log(record: logging.LogRecord) -> bool:
+    if _thread.said is None:
+        return True
+    _thread.said.append(record.getMessage())
+    return False

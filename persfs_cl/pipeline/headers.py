@@ -47,6 +47,18 @@ class Looked:
         return self.size[0] * self.size[1] / 1e6
 
 
+def pixels(job: Job) -> int:
+    """How many pixels the photograph of a job has.
+
+    Raises
+    ------
+    PersfsError
+        When its header cannot be read.
+    """
+    shape = read_header(job.path).shape if job.frame is None else read_video_header(job.path).size
+    return shape[0] * shape[1]
+
+
 def look(job: Job) -> Looked:
     """Look at the files of a job, in a fraction of a millisecond each.
 

@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 from persfs_cl._cl.device import Device
 from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
-from persfs_cl.pipeline.headers import pixels_of
+from persfs_cl.pipeline.headers import pixels
 from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, read_job
 from persfs_cl.pipeline.manifest import Record, now
 from persfs_cl.pipeline.plan import input_hash, stamps
@@ -33,7 +33,7 @@ from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.solve import pieces, solve
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
-from persfs_cl.told import Told, hearing
+from persfs_cl.told import Heard, hearing
 
 BYTES_PER_PIXEL = 500
 """Of memory that a photo takes at most, from reading to writing, per pixel."""
@@ -216,7 +216,7 @@ class Station:
 
     def _read(self, work: _Work) -> None:
         job = work.task.job
-        work.room = self._room.take(BYTES_PER_PHOTO + BYTES_PER_PIXEL * pixels_of(job))
+        work.room = self._room.take(BYTES_PER_PHOTO + BYTES_PER_PIXEL * pixels(job))
         with self._step(work, "read"):
             with suppress(OSError):  # what the system refuses is said by those who read the files: they have the words
                 work.known["stamps"] = stamps(job)
@@ -251,7 +251,7 @@ class Station:
         problems = [work.problem for work in group if work.problem is not None]
         watch = Watch(lambda _iteration, _change: self._stopped.is_set())
         solutions: list[Solution] = []
-        said: list[Told] = []
+        said: list[Heard] = []
         with self._ending(*group):
             self._require_going()
             try:

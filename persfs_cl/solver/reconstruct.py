@@ -21,6 +21,7 @@ from persfs_cl.solver.options import Options, complete, with_options
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.solve import pieces, solve
 from persfs_cl.surface.solution import Solution, Status
+from persfs_cl.told import concerning
 from persfs_cl.wording import brief
 
 if TYPE_CHECKING:
@@ -215,7 +216,7 @@ def reconstruct_batch(
     seconds = []
     for number, image in enumerate(given):
         began = time.perf_counter()
-        with _naming(number, count):
+        with _naming(number, count), concerning(number):
             own = {name: entries[number] for name, entries in lists.items()}
             problems[number] = prepare(image, **own, options=settings)
         seconds.append(time.perf_counter() - began + chosen / count)
@@ -225,7 +226,7 @@ def reconstruct_batch(
     shapes = [problem.image.shape for problem in problems.values()]
     for members in pieces(shapes, device, settings["precision"]):
         # What is solved is held no longer than until then.
-        solved = solve(device, [problems.pop(number) for number in members], settings, watch)
+        solved = solve(device, [problems.pop(number) for number in members], settings, watch, members)
         for number, solution in zip(members, solved, strict=True):
             elapsed = replace(solution.elapsed, total=solution.elapsed.total + seconds[number])
             solutions[number] = replace(solution, elapsed=elapsed)

@@ -20,6 +20,7 @@ from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.solution import Status
+from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 
 ROUNDS = 10
@@ -45,11 +46,12 @@ def solve_corrected(
     run: Iteration,
     options: Options,
     watch: Watch | None,
+    numbers: Sequence[int],
 ) -> list[int]:
     """Correct the images by the surfaces that a run found, and solve again, until that changes little.
 
     `surfaces` becomes that of the last rounds; `run` gets the statuses of an image's last round, and the changes of all
-    rounds.
+    rounds. `numbers` are those of the images that warnings concern.
 
     Returns
     -------
@@ -84,16 +86,20 @@ def solve_corrected(
             if change > SETTLED and rounds[place] < ROUNDS:
                 going.append(place)
                 continue
-            if change > LOST:
-                if run.statuses[place] is Status.CONVERGED:
-                    run.statuses[place] = Status.MAX_ITERATIONS
-                warn(
-                    f"{keyword('light', problems[place].model.light)} is too far from the camera: after "
-                    f"{rounds[place]} rounds the depth still changes by {100 * change:.2g} % on average. Do not rely "
-                    "on it."
-                )
-            if shaded := int(dim[number].sum()):
-                warn(f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them out.")
+            if change > LOST and run.statuses[place] is Status.CONVERGED:
+                run.statuses[place] = Status.MAX_ITERATIONS
+            with concerning(numbers[place]):
+                if change > LOST:
+                    warn(
+                        f"{keyword('light', problems[place].model.light)} is too far from the camera: after "
+                        f"{rounds[place]} rounds the depth still changes by {100 * change:.2g} % on average. Do not "
+                        "rely on it."
+                    )
+                if shaded := int(dim[number].sum()):
+                    warn(
+                        f"{shaded} pixels turn their back to the lamp, or nearly: their depth is a guess. Mask them "
+                        "out."
+                    )
         active = going
     if watch:
         watch.before = 0

@@ -16,6 +16,7 @@ from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.rounds import solve_corrected
 from persfs_cl.surface.solution import Elapsed, Solution, Status
+from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 
 
@@ -34,7 +35,13 @@ def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) ->
             yield numbers[begin : begin + most]
 
 
-def solve(device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None) -> list[Solution]:
+def solve(
+    device: Device,
+    problems: Sequence[Problem],
+    options: Options,
+    watch: Watch | None,
+    numbers: Sequence[int] | None = None,
+) -> list[Solution]:
     """Solve problems of one shape in shared launches.
 
     Parameters
@@ -44,6 +51,8 @@ def solve(device: Device, problems: Sequence[Problem], options: Options, watch: 
     options : Options
         Complete, see :func:`persfs_cl.solver.options.complete`.
     watch : Watch, optional
+    numbers : sequence of int, optional
+        Those of the problems that warnings concern, see :func:`persfs_cl.told.concerning`; their places by default.
 
     Returns
     -------
@@ -56,18 +65,19 @@ def solve(device: Device, problems: Sequence[Problem], options: Options, watch: 
         When pixels come out where they cannot be relied on.
     """
     began = time.perf_counter()
+    numbers = range(len(problems)) if numbers is None else numbers
     run = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
     surfaces = run.surfaces(problems)
     rounds = None
     if problems[0].model.in_rounds:
-        rounds = solve_corrected(device, problems, surfaces, run, options, watch)
-    for problem, (_, depth), status in zip(problems, surfaces, run.statuses, strict=True):
-        _warn_if_too_near(problem, depth)
-        if status is Status.CONVERGED:
-            _warn_if_lost(problem, depth)
-    discontinuities = [
-        problem.continue_onto_walls(*surface) for problem, surface in zip(problems, surfaces, strict=True)
-    ]
+        rounds = solve_corrected(device, problems, surfaces, run, options, watch, numbers)
+    discontinuities = []
+    for number, problem, surface, status in zip(numbers, problems, surfaces, run.statuses, strict=True):
+        with concerning(number):
+            _warn_if_too_near(problem, surface[1])
+            if status is Status.CONVERGED:
+                _warn_if_lost(problem, surface[1])
+            discontinuities.append(problem.continue_onto_walls(*surface))
     clamped = [problem.degenerate for problem in problems]
     share = 1.0 / len(problems)
     elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
