@@ -3,8 +3,8 @@
 ``--device NAME`` leaves one device, which is then the default in the tests and in the processes that they start.
 
 Tests marked ``thorough`` prove again what others prove, in another precision, say, or with narrower vectors. They are
-left out unless ``--thorough``, ``-m`` or their own name asks for them. Without the first two, the wavefront of the other
-tests has strips of a single vector; what processes of their own run is as users have it.
+left out unless ``--thorough``, ``-m`` or their own name asks for them. Without the first two, the wavefront of the
+other tests has strips of a single vector; what processes of their own run is as users have it.
 """
 
 from __future__ import annotations
