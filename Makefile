@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 YARDSTICKS := $(VENV)/.yardsticks
+PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 # Of 'make fuzz': for how long, the run's number, and single cases, as it reports them, instead.
 SECONDS ?= 600
@@ -13,11 +14,12 @@ CASE ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-drivers fuzz lint bench paper clean
+.PHONY: help install demo test test-thorough test-drivers fuzz lint bench paper clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
 	@echo "make test     run the tests"
+	@echo "make test-thorough  run those too that repeat a proof, in another precision, say, or with narrower vectors"
 	@echo "make test-drivers  run the tests of the kernels on other drivers and emulated processors (Debian, Ubuntu)"
 	@echo "make fuzz     random files and calls; SECONDS=600 SEED=0 tell how long and which, CASE=image:7 runs one again"
 	@echo "make lint     check style, types and which module imports which"
@@ -39,7 +41,10 @@ demo: $(INSTALLED)
 	$(BIN)/persfs-cl demo
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+	$(PYTEST)
+
+test-thorough: $(INSTALLED)
+	$(PYTEST) --thorough
 
 fuzz: $(INSTALLED)
 	cd tests && ../$(BIN)/python -m fuzz --seconds $(SECONDS) --seed $(SEED) $(addprefix --case ,$(CASE))

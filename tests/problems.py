@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -40,6 +41,26 @@ UPWIND: dict[str, dict[str, Any]] = {
     "upwind flash on a shiny surface": {"light": FLASH, "reflectance": Phong(), "scheme": "upwind"},
 }
 """Keywords of :func:`random_problem`, each for kernels of its own."""
+
+PRECISION_IN_TURN = {
+    "flash on a rough surface": "float32",
+    "flash on a shiny surface": "float64",
+    "upwind flash": "float32",
+    "upwind flash on a rough surface": "float64",
+    "upwind lamp beside": "float64",
+    "upwind lamp beside a rough surface": "float32",
+    "upwind flash on a shiny surface": "float32",
+    "upwind headlight": "float64",
+}
+"""Of those whose kernels take seconds to compile: in which precision the quick tests run them.
+
+By all orderings in the same one, so that tests share programs. Those under a parallel light run in both.
+"""
+
+
+def in_turn(parameters: Mapping[str, Any]) -> bool:
+    """Whether a test of these parameters, `name` and `precision`, is a quick one."""
+    return PRECISION_IN_TURN.get(parameters["name"], parameters["precision"]) == parameters["precision"]
 
 
 def random_problem(

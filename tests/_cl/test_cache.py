@@ -24,14 +24,18 @@ from persfs_cl._cl.kernel import kernel
 from persfs_cl._cl.program import program
 from persfs_cl._cl.selection import select_device
 
-RENDER = "import persfs_cl as ps; s = ps.vase((9, 9)); print(ps.render(s.depth, s.camera).sum())"
+# The smallest kernel there is.
+KERNEL = (
+    "from persfs_cl._cl.registers import register_bits; from persfs_cl._cl.selection import select_device; "
+    "print(register_bits(select_device()))"
+)
 
 
 def run(**environment: str) -> subprocess.CompletedProcess[str]:
     """A process that compiles a kernel, or finds it in the cache."""
     inherited = {name: value for name, value in os.environ.items() if name != "POCL_CACHE_DIR"}
     return subprocess.run(
-        [sys.executable, "-c", RENDER],
+        [sys.executable, "-c", KERNEL],
         env={**inherited, **environment},
         capture_output=True,
         text=True,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
 import pytest
-from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, fitted, random_problem, sweeper
+from problems import LAX_FRIEDRICHS, OBLIQUE, UPWIND, fitted, in_turn, random_problem, sweeper
 
 from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
 from persfs_cl._cl.orderings import checkerboard_bands
@@ -46,6 +48,8 @@ KERNELS = ["upwind oblique toward", *list(UPWIND)[4:], "flash on a shiny surface
 LAMPS = [name for name in UPWIND if name.startswith("upwind lamp")]
 
 both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
+thorough = pytest.mark.thorough
+kernels_take_turns = pytest.mark.quick_where(holds=in_turn)
 
 
 def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str) -> None:
@@ -72,13 +76,14 @@ def four_sweeps_of_the_reference(name: str, shape: tuple[int, int]) -> list[np.n
     return values
 
 
+@kernels_take_turns
 @pytest.mark.parametrize(
     ("name", "shape"),
     [
         *[(name, shape) for name in LAX_FRIEDRICHS for shape in [(3, 3), (1, 9), (9, 1), (13, 31), (37, 70)]],
-        *[(name, shape) for name in UPWIND if name not in LAMPS for shape in [(1, 5), (5, 1), (6, 7)]],
-        # The reference takes a third of a second for a cell and sweep.
-        *[(name, shape) for name in LAMPS for shape in [(1, 3), (3, 1), (3, 4)]],
+        *[(name, shape) for name in UPWIND if name not in LAMPS for shape in [(1, 5), (5, 1), (5, 4)]],
+        # The reference takes up to 70 ms for a cell and sweep.
+        *[(name, shape) for name in LAMPS for shape in [(1, 3), (3, 1), (3, 3)]],
     ],
 )
 def test_each_sweep_equals_the_reference(device: Device, precision: str, name: str, shape: tuple[int, int]) -> None:
@@ -91,9 +96,15 @@ def test_each_sweep_equals_the_reference(device: Device, precision: str, name: s
     assert (kernel.log_depth()[0] < problem.start).any(), "something must have moved"
 
 
+def coloured_problem(name: str) -> Problem:
+    # The reference of a lamp beside the camera takes its time here too.
+    shape = (9, 14) if name in LAMPS else (23, 38)
+    return random_problem(3, shape, boundary="wall", **SETUPS[name])
+
+
 @functools.cache
 def two_sweeps_of_the_coloured_reference(name: str) -> list[np.ndarray]:
-    reference = Reference.of(random_problem(3, (23, 38), boundary="wall", **SETUPS[name]))
+    reference = Reference.of(coloured_problem(name))
     values = []
     for _ in range(2):
         reference.sweep_colour(0)
@@ -102,15 +113,16 @@ def two_sweeps_of_the_coloured_reference(name: str) -> list[np.ndarray]:
     return values
 
 
+@kernels_take_turns
 @pytest.mark.parametrize("name", SETUPS)
 def test_each_checkerboard_sweep_equals_the_reference(device: Device, precision: str, name: str) -> None:
-    problem = random_problem(3, (23, 38), boundary="wall", **SETUPS[name])
-    kernel = sweeper(problem, device, precision, "checkerboard")
+    kernel = sweeper(coloured_problem(name), device, precision, "checkerboard")
     for number, values in enumerate(two_sweeps_of_the_coloured_reference(name)):
         kernel.sweep(number)
         assert_a_sweep(kernel.log_depth()[0], values, precision, name)
 
 
+@pytest.mark.quick_where(holds=lambda parameters: in_turn({**parameters, "precision": "float64"}))
 @pytest.mark.parametrize("name", UPWIND)
 def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None:
     """The value of each cell is its lowest candidate, unless it kept the start value."""
@@ -152,14 +164,14 @@ def test_boundary_renewal_equals_the_reference(
 @functools.cache
 def twelve_iterations_of_the_reference() -> tuple[np.ndarray, float]:
     """Values after them, and the change of the last."""
-    reference = Reference.of(random_problem(2, (28, 35), light=OBLIQUE))
+    reference = Reference.of(random_problem(2, (14, 18), light=OBLIQUE))
     changes = [reference.iterate() for _ in range(12)]
     return reference.log_depth, changes[-1]
 
 
 @pytest.mark.parametrize("ordering", ["lexicographic", "wavefront"])
 def test_iterations_equal_the_reference(device: Device, precision: str, ordering: str) -> None:
-    kernel = sweeper(random_problem(2, (28, 35), light=OBLIQUE), device, precision, ordering)
+    kernel = sweeper(random_problem(2, (14, 18), light=OBLIQUE), device, precision, ordering)
     change = float(kernel.run(12)[-1, 0])
     values, expected = twelve_iterations_of_the_reference()
     assert_close(kernel.log_depth()[0], values, precision)
@@ -188,6 +200,7 @@ def test_wavefront_gives_the_bits_of_lexicographic(
         assert_same_bits(problem, device, precision, linear=boundary == "extrapolate")
 
 
+@kernels_take_turns
 @pytest.mark.parametrize("name", ["upwind frontal away", *KERNELS])
 def test_wavefront_gives_the_bits_of_lexicographic_by_any_kernels(device: Device, precision: str, name: str) -> None:
     for seed, shape in enumerate([(1, 9), (9, 1), (2, 2), (13, 31), (37, 70)]):
@@ -220,9 +233,32 @@ NARROW_BANDS = [CheckerboardBands(lanes, band_rows=3, work_groups=2) for lanes i
 TILES, CHECKERBOARD, LEXICOGRAPHIC = WavefrontTiles(), Checkerboard(), Lexicographic()
 
 
+SMALL_TILES = WavefrontTiles(tile=(8, 16))
+IN_ONE_PRECISION: dict[Ordering, str] = {
+    SMALL_TILES: "float32",
+    **{ordering: "float32" for (vectors, _), ordering in (STRIPS | IMAGES).items() if vectors == 3},
+    NARROW_STRIPS[0]: "float32",
+    NARROW_STRIPS[1]: "",
+    NARROW_STRIPS[2]: "float64",
+    NARROW_STRIPS[3]: "float32",
+    Checkerboard(2): "float64",
+    Checkerboard(4): "",
+    BANDS[4]: "float32",
+    NARROW_BANDS[0]: "float32",
+    NARROW_BANDS[1]: "",
+}
+"""Of orderings that are a program for their sizes alone: in which precision the quick tests run them, if in any."""
+
+
+def needed(parameters: Mapping[str, Any]) -> bool:
+    """Whether a test of these parameters, `ordering` and `precision`, is a quick one."""
+    return IN_ONE_PRECISION.get(parameters["ordering"], parameters["precision"]) == parameters["precision"]
+
+
+@pytest.mark.quick_where(holds=needed)
 @pytest.mark.parametrize(
     "ordering",
-    [TILES, WavefrontTiles(tile=(8, 16)), *STRIPS.values(), *IMAGES.values(), *NARROW_STRIPS],
+    [TILES, SMALL_TILES, *STRIPS.values(), *IMAGES.values(), *NARROW_STRIPS],
     ids=str,
 )
 def test_all_sizes_give_the_bits_of_lexicographic(device: Device, precision: str, ordering: Ordering) -> None:
@@ -232,7 +268,8 @@ def test_all_sizes_give_the_bits_of_lexicographic(device: Device, precision: str
 
 
 # Both precisions of these kernels go through strips, above, and of these variants through the test before.
-@pytest.mark.parametrize("ordering", [TILES, IMAGES[3, 3]], ids=lambda ordering: ordering.file)
+@pytest.mark.quick_where(holds=lambda given: given["ordering"] != IMAGES[3, 3] or given["name"] == KERNELS[0])
+@pytest.mark.parametrize("ordering", [TILES, IMAGES[1, 3], IMAGES[3, 3]], ids=str)
 @pytest.mark.parametrize("name", KERNELS)
 def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
     device: Device, ordering: Ordering, name: str
@@ -240,9 +277,18 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
     assert_lexicographic_bits(device, "float32", ordering, name, largest=60)
 
 
-# Each height is a program of its own, which takes long to compile.
+# Each height is a program of its own, which takes long to compile. Double precision at second order follows below.
+@pytest.mark.quick_where(holds=lambda parameters: parameters["precision"] == "float32")
 @pytest.mark.parametrize(
-    "ordering", [TILES, IMAGES[3, 3], *(STRIPS[3, groups] for groups in (1, 2, 3, 4)), NARROW_STRIPS[0]], ids=str
+    "ordering",
+    [
+        TILES,
+        IMAGES[1, 3],
+        pytest.param(IMAGES[3, 3], marks=thorough),
+        *(STRIPS[3, groups] for groups in (1, 2, 3, 4)),
+        pytest.param(NARROW_STRIPS[0], marks=thorough),
+    ],
+    ids=str,
 )
 def test_tunings_give_the_bits_of_lexicographic_at_second_order(
     device: Device, precision: str, ordering: Ordering
@@ -251,6 +297,7 @@ def test_tunings_give_the_bits_of_lexicographic_at_second_order(
     assert_lexicographic_bits(device, precision, ordering, "upwind oblique toward", largest=140)
 
 
+@pytest.mark.quick_where(holds=lambda parameters: in_turn({**parameters, "precision": parameters["real"]}))
 @pytest.mark.parametrize(("real", "only_lower"), [("float32", False), ("float64", True)])
 @pytest.mark.parametrize("name", [*UPWIND, *HEADLIGHT])
 def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
@@ -270,7 +317,7 @@ def assert_lexicographic_bits(device: Device, precision: str, ordering: Ordering
         shape = (int(height), int(width) + 1)
         problem = random_problem(seed, shape, boundary="wall", holes=0.05 * seed, **(SETUPS | HEADLIGHT)[name])
         if ordering.second_order:
-            problem = with_first_order(problem, device)
+            problem = with_first_order(problem, device, precision)
         one = sweeper(problem, device, precision, plain)
         expected_changes = one.run(3)
         assert expected_changes.any() or not problem.domain.solved.any(), "something must have moved"
@@ -280,28 +327,38 @@ def assert_lexicographic_bits(device: Device, precision: str, ordering: Ordering
             np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
 
-def with_first_order(problem: Problem, device: Device) -> Problem:
+def with_first_order(problem: Problem, device: Device, precision: str) -> Problem:
     """The problem, to be gone on with from values of first order."""
-    kernel = sweeper(problem, device, "float32", "wavefront")
+    kernel = sweeper(problem, device, precision, "wavefront")
     kernel.run(6)
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
+# PoCL compiles the kernels for each shape.
+SHAPES = dict(enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]))
+
+
+@pytest.mark.quick_where(holds=needed)
+@pytest.mark.parametrize(
+    "seeds", [(0, 3, 4, 7), pytest.param((1, 2, 5, 6), marks=thorough)], ids=["shapes", "other shapes"]
+)
 @pytest.mark.parametrize("ordering", [*(Checkerboard(lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str)
 def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
-    device: Device, precision: str, ordering: Ordering
+    device: Device, precision: str, ordering: Ordering, seeds: tuple[int, ...]
 ) -> None:
     """Some groups give up at once, as if the others had lost their processors."""
-    for seed, shape in enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]):
+    for seed in seeds:
+        shape = SHAPES[seed]
         problem = random_problem(seed, shape, light=OBLIQUE, boundary=("outflow", "wall")[seed % 2])
         assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, ordering)
 
 
+@kernels_take_turns
 @pytest.mark.parametrize("name", KERNELS)
-def test_checkerboard_is_the_same_by_any_kernels(device: Device, name: str) -> None:
+def test_checkerboard_is_the_same_by_any_kernels(device: Device, precision: str, name: str) -> None:
     for seed, shape in enumerate([(1, 2), (8, 16), (17, 31)]):
         problem = random_problem(seed, shape, boundary="wall", **SETUPS[name])
-        assert_checkerboard_gives_the_bits_of_cells(problem, device, "float32", BANDS[1])
+        assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, BANDS[1])
 
 
 def assert_checkerboard_gives_the_bits_of_cells(
@@ -330,9 +387,12 @@ def assert_checkerboard_gives_the_bits_of_cells(
             (ordering, "frontal away")
             for ordering in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
         ],
-        *[(ordering, "upwind flash") for ordering in BANDS],
-        *[(ordering, name) for ordering in (TILES, IMAGES[3, 3]) for name in ("upwind frontal away", "upwind flash")],
-        (STRIPS[3, 2], "upwind frontal away"),
+        *[(ordering, "upwind flash") for ordering in BANDS[:4]],
+        pytest.param(BANDS[4], "upwind flash", marks=thorough),
+        *[(ordering, name) for ordering in (TILES, IMAGES[1, 3]) for name in ("upwind frontal away", "upwind flash")],
+        *[pytest.param(IMAGES[3, 3], name, marks=thorough) for name in ("upwind frontal away", "upwind flash")],
+        (STRIPS[1, 2], "upwind frontal away"),
+        pytest.param(STRIPS[3, 2], "upwind frontal away", marks=thorough),
     ],
     ids=str,
 )
@@ -340,7 +400,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, orde
     """Each has its own mask, boundary, known values, start and end."""
     boundary: Boundary = "wall" if name in UPWIND else "outflow"
     problems = [
-        random_problem(seed, (45, 38), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
+        random_problem(seed, (29, 22), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
     ]
 
     def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
@@ -365,6 +425,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, orde
     assert len(ends) > 1, "the images must end at different times"
 
 
+@pytest.mark.quick_where(holds=needed)
 @pytest.mark.parametrize("ordering", ["wavefront", *BANDS], ids=str)
 def test_an_image_rests_from_the_iteration_that_met_the_tolerance(
     device: Device, precision: str, ordering: str | Ordering
@@ -411,14 +472,16 @@ def test_runs_that_share_kernels_do_not_touch_each_other(device: Device, orderin
         np.testing.assert_array_equal(one.log_depth(), other.log_depth())
 
 
-@pytest.mark.parametrize("second_order", [False, True], ids=["first order", "second order"])
+@pytest.mark.parametrize(
+    "second_order", [False, pytest.param(True, marks=thorough)], ids=["first order", "second order"]
+)
 @pytest.mark.parametrize("work_groups", [1, 2, 3, 4])
 def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int, second_order: bool) -> None:
     """A group that gives up at its first vain look at the strip before, as if that had lost its processor."""
     setup = SETUPS["upwind oblique toward" if second_order else "frontal away"]
     problems = [random_problem(seed, (150, 90 + seed), boundary="wall", **setup) for seed in range(3)]
     if second_order:
-        problems = [with_first_order(problem, device) for problem in problems]
+        problems = [with_first_order(problem, device, "float32") for problem in problems]
     impatient = WavefrontStrips(8, vectors=1, work_groups=work_groups, polls=1, second_order=second_order)
     plain = replace(LEXICOGRAPHIC, second_order=second_order)
     for problem in problems:
@@ -442,6 +505,7 @@ def test_work_left_undone_is_an_error(device: Device, ordering: Ordering) -> Non
         kernel.run(1)
 
 
+@kernels_take_turns
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
 @pytest.mark.parametrize(
     ("boundary", "name"),
@@ -462,6 +526,7 @@ def test_values_never_rise(device: Device, precision: str, ordering: str, bounda
         before = after
 
 
+@kernels_take_turns
 @pytest.mark.parametrize("name", ["oblique away", "oblique toward", "flash on a shiny surface", *UPWIND])
 def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, precision: str, name: str) -> None:
     # State constraints keep the scheme monotone; eq. (12) does not, and its limit may depend on the order of the cells.

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from command import FOCAL, HEIGHT, WIDTH, names, run
 
+import persfs_cl as ps
 from persfs_cl.io import files
 
 
@@ -59,6 +60,8 @@ def test_full_disk_leaves_nothing_behind(
         out.mkdir(parents=True)
         (out / "depth.npy").write_text("old")
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
+    if existing:  # pictures are files like the others
+        monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     assert (outcome.status, outcome.stdout) == (1, "")
     assert f"{out / 'mesh.ply'} cannot be written: No space left on device" in outcome.stderr

@@ -84,7 +84,7 @@ def test_a_flat_surface_can_be_drawn(name: str, tmp_path: Path) -> None:
     assert imageio.v3.imread(tmp_path / "picture.png").size
 
 
-@pytest.mark.parametrize("shape", [(9, 1), (1, 1), (2, 60)])
+@pytest.mark.parametrize("shape", [pytest.param((9, 1), marks=pytest.mark.thorough), (1, 1), (2, 60)])
 @pytest.mark.parametrize("name", DRAW)
 def test_slender_images_can_be_drawn(name: str, shape: tuple[int, int], tmp_path: Path) -> None:
     depth = np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape)
