@@ -72,7 +72,12 @@ def folder(plan: Plan) -> Iterator[list[Record]]:
             for result in results:
                 if result.error is not None:
                     raise result.error
-            common: dict[str, Any] = {"experiment": "folder", "workload": name, "size": size, "precision": plan.precision}
+            common: dict[str, Any] = {
+                "experiment": "folder",
+                "workload": name,
+                "size": size,
+                "precision": plan.precision,
+            }
             yield [
                 *(
                     Record.of(values, quantity=f"{step}, processor time", unit="s", images=1, **common)

@@ -235,7 +235,9 @@ def _folder(records: Records) -> str:
         cell = two_digits(record.median)
         columns.setdefault(f"{record.quantity}, {record.unit}".rstrip(", "), []).append(cell)
     names = list(dict.fromkeys(record.workload for record in records))
-    rows = [(f"{name}, {_pixels(records[0])}", *cells) for name, cells in zip(names, zip(*columns.values()), strict=True)]
+    rows = [
+        (f"{name}, {_pixels(records[0])}", *cells) for name, cells in zip(names, zip(*columns.values()), strict=True)
+    ]
     return markdown_table(("photographs to", *columns), rows, words=1)
 
 
