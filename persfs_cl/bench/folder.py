@@ -6,7 +6,9 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from statistics import fmean
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,7 +39,7 @@ IDEAL, MEASURED, SHARE = "ideal rate", "rate", "share of the ideal"
 _PHOTOS = 48
 _ALONE = 4
 """Photographs whose steps are measured one by one."""
-_FORMATS = (("jpg", {"quality": 92}), ("png", {}))
+_FORMATS = ("jpg", "png")
 _LIGHT = FlashLight()
 _Result = TypeVar("_Result")
 
@@ -63,11 +65,11 @@ def folder(plan: Plan) -> Iterator[list[Record]]:
             _steps(plan, jobs[:1], work, root / "warm")
             alone = _steps(plan, jobs[:_ALONE], work, root / "alone")
             megapixels = photos * size**2 / 1e6
-            ideal = megapixels / photos * usable_cores() / sum(np.mean(values) for values in alone.values())
+            ideal = megapixels / photos * usable_cores() / sum(map(fmean, alone.values()))
             began = time.perf_counter()
             store = FolderStore(root / name.replace(" ", "-"))
             settings = crew_settings(work, store, [plan.device], None)
-            results = list(Batch(inputs, work, store).results(lambda held, settings=settings: Crew(settings, held)))
+            results = list(Batch(inputs, work, store).results(partial(Crew, settings)))
             rate = megapixels / (time.perf_counter() - began)
             for result in results:
                 if result.error is not None:
@@ -97,11 +99,11 @@ def _photographs(folder: Path, size: int, count: int) -> CameraChoice:
     scene = bumps((size, size), light=_LIGHT)
     noise = np.random.default_rng(7)
     for number in range(count):
-        suffix, how = _FORMATS[number % len(_FORMATS)]
+        suffix = _FORMATS[number % len(_FORMATS)]
         light = scene.image * (1 - 0.3 * number / count) / scene.image.max()
         levels = 255 * encode_srgb(light) + noise.normal(0, 1, light.shape)
         image = np.repeat(np.clip(levels + 0.5, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-        iio.imwrite(folder / f"{number:04}.{suffix}", image, **how)
+        iio.imwrite(folder / f"{number:04}.{suffix}", image)
     return CameraChoice.like(scene.camera)
 
 
@@ -117,11 +119,11 @@ def _steps(plan: Plan, jobs: Sequence[Job], work: BatchPlan, output: Path) -> di
         return result
 
     for number, job in enumerate(jobs):
-        inputs = timed("decoding", lambda job=job: read_job(job))
-        ready = timed("preparing", lambda inputs=inputs: prepare(inputs))
-        problem = timed("preparing", lambda ready=ready: pose(ready, options))
+        inputs = timed("decoding", partial(read_job, job))
+        ready = timed("preparing", partial(prepare, inputs))
+        problem = timed("preparing", partial(pose, ready, options))
         took["preparing"][-2:] = [sum(took["preparing"][-2:])]
-        solution = timed("kernels", lambda problem=problem: solve(plan.device, [problem], options, None)[0])
+        (solution,) = timed("kernels", partial(solve, plan.device, [problem], options, None))
         solved = finished(ready, solution)
-        timed("encoding", lambda solved=solved, number=number: write(solved, output / f"{number}", work.saving))
+        timed("encoding", partial(write, solved, output / f"{number}", work.saving))
     return took

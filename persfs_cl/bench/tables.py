@@ -234,10 +234,9 @@ def _folder(records: Records) -> str:
     for record in records:
         cell = two_digits(record.median)
         columns.setdefault(f"{record.quantity}, {record.unit}".rstrip(", "), []).append(cell)
-    names = list(dict.fromkeys(record.workload for record in records))
-    rows = [
-        (f"{name}, {_pixels(records[0])}", *cells) for name, cells in zip(names, zip(*columns.values()), strict=True)
-    ]
+    rows = []
+    for place, name in enumerate(dict.fromkeys(record.workload for record in records)):
+        rows.append((f"{name}, {_pixels(records[0])}", *(cells[place] for cells in columns.values())))
     return markdown_table(("photographs to", *columns), rows, words=1)
 
 

@@ -33,6 +33,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options, complete
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
+from persfs_cl.told import hearing
 
 _INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
 _INPUT_FAILED = 1
@@ -221,10 +222,13 @@ def _look(whole: Batch) -> None:
         else:
             name, error = one.name, None
             try:
-                found = look(one.job)
+                with hearing() as said:
+                    found = look(one.job)
             except PersfsError as refusal:
                 error = refusal
             else:
+                for heard in said:
+                    typer.echo(f"persfs-cl: {name}: warning: {heard.message}", err=True)
                 usable, pixels = usable + 1, pixels + found.megapixels
                 height, width = found.size
                 camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
