@@ -30,6 +30,7 @@ FILES = {
     "photo.jpg",
     "relief.js",
     "report.json",
+    "index.html",
 }
 HEIGHT, WIDTH = 24, 30
 SCENE = ps.bump((HEIGHT, WIDTH))

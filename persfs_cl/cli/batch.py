@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from click import get_current_context
 
 from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.cli.brightness import chosen_brightness
@@ -16,8 +17,8 @@ from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
 from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
 from persfs_cl.cli.signals import INTERRUPTED
-from persfs_cl.cli.spelling import WrongOption
-from persfs_cl.errors import InputError, PersfsError
+from persfs_cl.cli.spelling import WrongOption, spelling
+from persfs_cl.errors import InputError, PersfsError, Worded
 from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, chosen_devices, crew_settings
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
@@ -34,6 +35,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options, complete
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
 from persfs_cl.told import hearing
+from persfs_cl.wording import Spelling
 
 _INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
 _INPUT_FAILED = 1
@@ -182,11 +184,12 @@ def batch(
         raise typer.BadParameter(f"{root} is a file: name a folder.", param_hint="'--output' / '-o'")
     listing = list_inputs(paths, output=root, masks=masks, frames=frames)
     whole = Batch(listing, plan, store, again=again, shard=share)
+    spell = spelling(get_current_context().command.params)
     if dry_run:
-        _look(whole)
+        _look(whole, spell)
         return
     workers = crew_settings(plan, store, chosen_devices(keywords["device"]), room)
-    tally = Tally()
+    tally = Tally(spell)
     with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
         interrupted()
         with progress_bar(whole, tally) as show:
@@ -206,7 +209,7 @@ def batch(
         raise typer.Exit(_INPUT_FAILED)
 
 
-def _look(whole: Batch) -> None:
+def _look(whole: Batch, spell: Spelling) -> None:
     """Say of every photo what would be done with it, as far as headers tell.
 
     Raises
@@ -228,7 +231,7 @@ def _look(whole: Batch) -> None:
                 error = refusal
             else:
                 for heard in said:
-                    typer.echo(f"persfs-cl: {name}: warning: {heard.message}", err=True)
+                    typer.echo(f"persfs-cl: {name}: warning: {_worded(heard.warning, spell)}", err=True)
                 usable, pixels = usable + 1, pixels + found.megapixels
                 height, width = found.size
                 camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
@@ -236,13 +239,17 @@ def _look(whole: Batch) -> None:
                 typer.echo(f"{name}\t{width} x {height}\t{camera}\t{mask}")
         if error is not None:
             failed += 1
-            typer.echo(f"persfs-cl: {name}: {' '.join(str(error).split())}", err=True)
+            typer.echo(f"persfs-cl: {name}: {_worded(error, spell)}", err=True)
     parts = [f"{usable} would be done, {pixels:.4g} million pixels"]
     parts += [f"{whole.skipped} were done before"] * bool(whole.skipped)
     parts += [f"{failed} cannot be used"] * bool(failed)
     typer.echo(f"{', '.join(parts)}. Nothing was done.", err=True)
     if failed:
         raise typer.Exit(_INPUT_FAILED)
+
+
+def _worded(message: Exception, spell: Spelling) -> str:
+    return " ".join((message.worded(spell) if isinstance(message, Worded) else str(message)).split())
 
 
 def _title(paths: list[str]) -> str:

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from persfs_cl.pipeline.batch import Batch, BatchResult
+from persfs_cl.wording import Spelling
 
 _SHOWN = 100
 """Failures that are listed at the end; the page and the table of the results have all."""
@@ -23,8 +24,15 @@ _EVERY = 0.1
 
 @dataclass
 class Tally:
-    """What has come of the photos so far."""
+    """What has come of the photos so far.
 
+    Parameters
+    ----------
+    spell : callable
+        How the command spells keywords.
+    """
+
+    spell: Spelling
     done: int = 0
     failed: int = 0
     skipped: int = 0
@@ -38,7 +46,7 @@ class Tally:
         if result.error is not None:
             self.failed += 1
             if len(self.failures) < _SHOWN:
-                self.failures.append((result.name, " ".join(str(result.error).split())))
+                self.failures.append((result.name, " ".join(result.error.worded(self.spell).split())))
             return
         self.done += 1
         self.warned += bool(result.record.warnings)

@@ -1,0 +1,153 @@
+"""``persfs-cl batch``: what its options mean, what it says and how it ends. What it does is tested in the pipeline."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from command import run
+from PIL import Image
+
+import persfs_cl as ps
+from persfs_cl.io.export import write_grey
+
+SCENE = ps.bump((20, 24), light=ps.FlashLight())
+FLASH = ("--light", "flash", "--focal-length", "24")
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("photos")
+    (folder / "deep").mkdir()
+    for number, name in enumerate(("a.png", "b.png", "deep/a.png")):
+        write_grey(folder / name, SCENE.image / SCENE.image.max() * (1 - 0.1 * number))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(photos: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A batch, one of whose photos is none."""
+    folder = tmp_path_factory.mktemp("done")
+    given, output = folder / "in", folder / "out"
+    shutil.copytree(photos, given)
+    (given / "text.png").write_text("no image")
+    outcome = run("batch", given, "-o", output, *FLASH)
+    assert outcome.status == 1
+    assert sorted(outcome.stdout.splitlines()) == [str(output / name) for name in ("a.png", "b.png", "deep/a.png")]
+    assert "persfs-cl: text.png: " in outcome.stderr
+    assert "3 done" in outcome.stderr
+    assert "1 failed" in outcome.stderr
+    assert str(output / "index.html") in outcome.stderr
+    return output
+
+
+def test_each_photo_has_its_folder_and_all_have_a_page(done: Path) -> None:
+    for name in ("a.png", "b.png", "deep/a.png"):
+        files = {file.name for file in (done / name).iterdir()}
+        assert files == {
+            *("depth.npy", "depth.tiff", "normals.png", "report.json"),
+            *("preview.jpg", "photo.jpg", "relief.js", "record.json"),
+        }
+    assert {"index.html", "contact.jpg", "summary.csv", "manifest"} <= {file.name for file in done.iterdir()}
+    with (done / "summary.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["name"]: row for row in csv.DictReader(file)}
+    assert {name: row["status"] for name, row in rows.items()} == {
+        **dict.fromkeys(("a.png", "b.png", "deep/a.png"), "done"),
+        "text.png": "failed",
+    }
+
+
+def test_again_only_what_failed_is_tried(done: Path) -> None:
+    outcome = run("batch", done.parent / "in", "-o", done, *FLASH)
+    assert outcome.status == 1
+    assert outcome.stdout == ""
+    assert "3 were done before" in outcome.stderr
+    assert "1 failed" in outcome.stderr
+
+
+def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path: Path) -> None:
+    given, masks, output = tmp_path / "in", tmp_path / "masks", tmp_path / "out"
+    shutil.copytree(photos, given)
+    (given / "empty.png").write_bytes(b"")
+    masks.mkdir()
+    for name, size in (("a.png.png", (24, 20)), ("b.png.png", (25, 20)), ("empty.png.png", (24, 20))):
+        Image.new("L", size, 255).save(masks / name)
+    outcome = run("batch", given, "-o", output, "--masks", masks, *FLASH, "--dry-run")
+    assert outcome.status == 1
+    (line,) = outcome.stdout.splitlines()
+    assert line.split("\t") == ["a.png", "24 x 20", "24 px, 53.1 degrees, by focal_length", str(masks / "a.png.png")]
+    for name, why in (("b.png", "25"), ("deep/a.png", "has no mask"), ("empty.png", "is empty")):
+        assert f"persfs-cl: {name}: " in outcome.stderr
+        assert why in outcome.stderr
+    assert "1 would be done" in outcome.stderr
+    assert "3 cannot be used" in outcome.stderr
+    assert not output.exists()
+
+
+def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
+    config = tmp_path / "flash.toml"
+    config.write_text('light = "flash"\nfocal-length = 24\nsave = "depth.npy"\n', encoding="utf-8")
+    outcome = run("batch", photos / "a.png", "-o", tmp_path / "out", "--config", config)
+    assert outcome.status == 0
+    (folder,) = map(Path, outcome.stdout.splitlines())
+    assert {file.name for file in folder.iterdir()} == {"depth.npy", "record.json"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--overwrite", "--retry-failed"), ("--overwrite", "--retry-failed", "not several")),
+        (("--shard", "3/2"), ("--shard", "3")),
+        (("--shard", "half"), ("--shard", "half", "2/8")),
+        (("--memory", "much"), ("--memory", "much", "8G")),
+        (("--memory", "0"), ("--memory", "0")),
+        (("--masks", "nowhere"), ("--masks", "nowhere", "no folder")),
+        (("--save", "everything"), ("everything", "depth")),
+        (("--cameras", "cameras.csv"), ("--cameras", "not both")),
+        (("--frames", "a:b"), ("frames", "a:b")),
+        (("--scheme", "upwinds"), ("upwinds",)),
+    ],
+)
+def test_wrong_options_are_refused_before_any_work(
+    photos: Path, tmp_path: Path, options: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH, *options)
+    assert outcome.status in (1, 2)
+    for word in words:
+        assert word in outcome.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_that_is_a_file_is_refused(photos: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH)
+    assert outcome.status == 2
+    assert "is a file" in outcome.stderr
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_what_is_not_there_is_named(photos: Path, tmp_path: Path) -> None:
+    outcome = run("batch", photos / "none.png", photos / "a.png", "-o", tmp_path / "out", *FLASH, "--save", "depth.npy")
+    assert outcome.status == 1
+    assert "none.png" in outcome.stderr
+    assert "1 done" in outcome.stderr
+
+
+def test_no_device_ends_with_its_status(photos: Path, tmp_path: Path) -> None:
+    outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH, "--device", "no such device")
+    assert outcome.status == 3
+    assert "no such device" in outcome.stderr
+
+
+def test_shares_together_do_all(photos: Path, tmp_path: Path) -> None:
+    lines = []
+    for share in ("1/2", "2/2"):
+        outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH, "--save", "depth.npy", "--shard", share)
+        assert outcome.status == 0
+        lines += outcome.stdout.splitlines()
+    assert sorted(lines) == [str(tmp_path / "out" / name) for name in ("a.png", "b.png", "deep/a.png")]
+    records = [json.loads(line) for file in (tmp_path / "out/manifest").glob("*.jsonl") for line in file.open()]
+    assert sorted(record["name"] for record in records) == ["a.png", "b.png", "deep/a.png"]
