@@ -15,7 +15,7 @@ def evenly_chosen(many: Iterable[_Any], most: int) -> tuple[list[_Any], int]:
     """
     kept: list[_Any] = []
     step, count = 1, 0
-    for count, one in enumerate(many, start=1):  # the last count is wanted
+    for count, one in enumerate(many, start=1):
         if (count - 1) % step == 0:
             kept.append(one)
         if len(kept) > 2 * most:

@@ -60,4 +60,6 @@ def _slope(values: NDArray[np.float64], places: Numbers, joined: Mask) -> Number
     np.copyto(steps[:, 1:-1], np.diff(values), where=joined, casting="same_kind")
     np.copyto(lengths[:, 1:-1], np.diff(places), where=joined)
     length = lengths[:, 1:] + lengths[:, :-1]
-    return np.divide(steps[:, 1:] + steps[:, :-1], length, out=np.zeros_like(length), where=length > 0)
+    slope = np.zeros_like(length)
+    np.divide(steps[:, 1:] + steps[:, :-1], length, out=slope, where=length > 0)
+    return slope

@@ -63,7 +63,7 @@ def chequered(height: int, width: int) -> NDArray[np.uint8]:
     """A photograph that nothing else looks like: red and blue squares."""
     y, x = np.mgrid[:height, :width]
     red = ((y * 8 // height + x * 8 // width) % 2).astype(bool)
-    return np.where(red[..., None], np.uint8((220, 30, 30)), np.uint8((30, 60, 220)))
+    return np.where(red[..., None], [220, 30, 30], [30, 60, 220]).astype(np.uint8)
 
 
 def opened(path: Path) -> NDArray[np.uint8]:

@@ -75,7 +75,7 @@ def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture
 def browser(started: Browser) -> Iterator[Browser]:
     started.events.clear()
-    started.size(1300, 800)
+    started.size(1120, 640)
     yield started
     assert started.faults() == []
 
@@ -134,7 +134,7 @@ def test_mouse_turns_and_double_click_takes_it_back(browser: Browser, folder: Pa
         assert worn(other).mean() > 0.05
     browser.wait("location.hash.includes('turn=60,52')")
     browser.click(STAGE, 2)
-    np.testing.assert_array_equal(stage(browser), first)
+    np.testing.assert_allclose(stage(browser), first, atol=2)  # the ground is dithered
 
 
 def test_wheel_zooms(browser: Browser, folder: Path) -> None:
@@ -167,7 +167,7 @@ def test_bare_surface_is_shaded_without_the_photograph(browser: Browser, folder:
     browser.wait("location.hash.includes('wear=bare')")
     browser.visit(folder / "index.html", view_of(ODD, "0,0", "&wear=bare"))
     browser.drawn()
-    np.testing.assert_array_equal(stage(browser), bare)
+    np.testing.assert_allclose(stage(browser), bare, atol=2)
 
 
 def test_nothing_is_drawn_where_there_is_no_surface(browser: Browser, folder: Path) -> None:
@@ -204,8 +204,7 @@ def test_table_filters_sorts_and_counts(browser: Browser, folder: Path) -> None:
     for words, names in (("GRÖßE png", [ODD]), ("empty copy", ["zz.png"]), ("not converged", [HALF])):
         browser.evaluate("document.querySelector('#filter').select()")
         browser.type(words)
-        browser.wait(f"{shown_names()}.length === 1")
-        assert browser.evaluate(shown_names()) == names
+        browser.wait(f"JSON.stringify({shown_names()}) === JSON.stringify({names})")
     browser.evaluate("document.querySelector('#filter').select()")
     browser.type("no such image")
     browser.wait(f"{shown_names()}.length === 0")
@@ -217,11 +216,8 @@ def test_table_filters_sorts_and_counts(browser: Browser, folder: Path) -> None:
     browser.click("#states button[value=unfinished]")
     assert browser.evaluate(shown_names()) == [HALF]
     browser.click("#states button[value=all]")
-    browser.evaluate(
-        "(({value}) => { select.value = value; select.dispatchEvent(new Event('change')); })({value: 'size up'})".replace(
-            "select", "document.querySelector('#order select')"
-        )
-    )
+    choose = "select.value = 'size up'; select.dispatchEvent(new Event('change'))"
+    browser.evaluate(f"(() => {{ const select = document.querySelector('#order select'); {choose} }})()")
     # The least first; what has no size comes last either way.
     assert browser.evaluate(shown_names())[0] == HALF
 
@@ -300,7 +296,7 @@ def test_nothing_comes_from_a_network(browser: Browser, folder: Path) -> None:
     assert {address.partition(":")[0] for address in addresses} <= {"file", "data"}
 
 
-def test_relief_that_is_gone_is_said_to_be(browser: Browser, folder: Path, tmp_path: Path) -> None:
+def test_relief_that_is_gone_is_said_to_be(browser: Browser, tmp_path: Path) -> None:
     results(tmp_path, "a.png")
     results(tmp_path, "b.png")
     (tmp_path / "a.png" / "relief.js").unlink()

@@ -35,7 +35,7 @@ class Page(HTMLParser):
         if tag not in ("meta", "link", "input", "br", "img", "col"):
             self.open.append(named.get("id") or tag)
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag: str) -> None:  # noqa: ARG002
         self.open.pop()
 
     def handle_data(self, data: str) -> None:

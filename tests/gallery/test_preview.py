@@ -9,7 +9,7 @@ import pytest
 from made import chequered, decoded, dome, handed_over, opened, surface
 
 from persfs_cl import Camera
-from persfs_cl.arrays import Array, Mask
+from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.errors import InputError
 from persfs_cl.gallery.heights import heights_script
 from persfs_cl.gallery.preview import write_preview
@@ -90,7 +90,7 @@ def test_interruptions_are_those_between_the_samples() -> None:
     np.testing.assert_array_equal(_bits(values["down"], (rows - 1, columns)), down)
 
 
-def _pairs(places: geometry.NDArray[np.intp]) -> list[tuple[int, int]]:
+def _pairs(places: Indices) -> list[tuple[int, int]]:
     return list(zip(places[:-1].tolist(), places[1:].tolist(), strict=True))
 
 

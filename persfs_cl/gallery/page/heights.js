@@ -87,7 +87,10 @@ function joined({ right, down }, levels, rows, across) {
   return joins;
 }
 
-/** Middle and half the diagonal of what nearly all points lie in: a few may lie far off. */
+/**
+ * Middle and half the diagonal of what nearly all points lie in: a few may lie far off. It is turned about the mean
+ * depth, for what has a rim and a hill is seen by its rim.
+ */
 function box(points, depth) {
   const solved = depth.reduce((sum, z) => sum + !Number.isNaN(z), 0);
   const middle = [0, 0, 0];
@@ -101,8 +104,9 @@ function box(points, depth) {
     values.sort();
     const aside = Math.floor(solved / 400);
     const [low, high] = [values[aside], values[solved - 1 - aside]];
-    middle[axis] = (low + high) / 2;
-    squares += ((high - low) / 2) ** 2;
+    const kept = values.subarray(aside, solved - aside);
+    middle[axis] = axis < 2 ? (low + high) / 2 : kept.reduce((sum, value) => sum + value, 0) / kept.length;
+    squares += Math.max(high - middle[axis], middle[axis] - low) ** 2;
   }
   return { middle, half: Math.sqrt(squares) || 1 };
 }
@@ -114,7 +118,8 @@ function normals(depth, x, y, { right, down }, rows, across) {
   const slope = (at, step, before, after, places, place) => {
     const low = before ? at - step : at;
     const high = after ? at + step : at;
-    return low === high ? 0 : (log[high] - log[low]) / (places[place + (after ? 1 : 0)] - places[place - (before ? 1 : 0)]);
+    if (low === high) return 0;
+    return (log[high] - log[low]) / (places[place + (after ? 1 : 0)] - places[place - (before ? 1 : 0)]);
   };
   for (let row = 0; row < rows; row += 1) {
     for (let column = 0; column < across; column += 1) {

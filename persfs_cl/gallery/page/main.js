@@ -50,7 +50,8 @@ function arrange(change, fromTop = true) {
   table.show(rows, order, fromTop);
   for (const button of find("#states").children) button.setAttribute("aria-pressed", button.value === order.state);
   find("#order select").value = `${order.column} ${order.descending ? "down" : "up"}`;
-  find("#shown").textContent = rows.length === records.length ? "" : `${figure(rows.length)} of ${figure(records.length)}`;
+  const some = rows.length < records.length;
+  find("#shown").textContent = some ? `${figure(rows.length)} of ${figure(records.length)}` : "";
   ends();
 }
 
@@ -58,7 +59,8 @@ function sort(column) {
   arrange({ column, descending: order.column === column && !order.descending });
 }
 
-// The address holds what one looks at: #relief=NAME&turn=YAW,PITCH&zoom=Z&move=X,Y&wear=bare, all but the name optional.
+// The address holds what one looks at: #relief=NAME&turn=YAW,PITCH&zoom=Z&move=X,Y&wear=bare, of which any may be left
+// out.
 
 function addressed() {
   const pairs = location.hash.slice(1).split("&").map((pair) => pair.split("="));
@@ -79,7 +81,8 @@ function follow() {
   take("zoom", ["zoom"]);
   take("move", ["x", "y"]);
   // Written by hand, it may have signs that are not quoted.
-  const named = wanted.relief?.replace(/%[0-9a-f]{2}|[^%]+|%/gi, (part) => (/^%./.test(part) ? part.toUpperCase() : quoted(part)));
+  const canonical = (part) => (/^%./.test(part) ? part.toUpperCase() : quoted(part));
+  const named = wanted.relief?.replace(/%[0-9a-f]{2}|[^%]+|%/gi, canonical);
   const record = single ? records[0] : records.find(({ name }) => quoted(name) === named);
   if (record) open(record);
   if (location.hash) {
@@ -117,7 +120,8 @@ function totals() {
   if (spent) parts.push(`${duration(spent)} of processing`);
   let text = parts.join(" · ");
   if (records.length < about.total) {
-    text += ` · listed here: ${figure(records.length)}, of which ${figure(count("failed"))} failed; summary.csv has all`;
+    const listed = `${figure(records.length)}, ${figure(count("failed"))} of them failed`;
+    text += ` · listed here: ${listed}; summary.csv has all`;
   }
   find("#totals").textContent = single ? records[0].path ?? "" : text;
 }

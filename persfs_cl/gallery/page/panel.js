@@ -82,7 +82,7 @@ class Panel {
     const shown = columns.slice(2).filter(({ key }) => key !== "warnings" && key !== "solved" && key !== "seconds");
     const pairs = [
       ["Outcome", failed(record) ? null : outcome(record).text],
-      ...shown.map((column) => [column.about && column.key === "error" ? "Mean error" : column.label, cell(column, record)]),
+      ...shown.map((column) => [column.key === "error" ? "Mean error" : column.label, cell(column, record)]),
       ["Median depth", figure(figures(record).depth_median)],
       ["Focal length", lengths ? `${[...new Set(lengths)].map((value) => figure(value)).join(" × ")} px` : null],
       ["Solved pixels", Number.isFinite(solved) ? `${figure(solved)} (${percent(share(record))})` : null],

@@ -27,7 +27,7 @@ class Table {
 
   /** Show as many columns as there is room for. */
   fit() {
-    const ranks = [640, 940, 1240].filter((width) => this.section.clientWidth >= width).length;
+    const ranks = [780, 1160, 1480].filter((width) => this.section.clientWidth >= width).length;
     if (Number(this.section.dataset.ranks) !== ranks) {
       this.section.dataset.ranks = ranks;
       this.columns = columns.filter(({ rank }) => rank <= ranks);
@@ -54,7 +54,8 @@ class Table {
       group.append(element("col", { className: place, style: width ? `width: ${width}px` : "" }));
       const button = element("button", { type: "button", title: hint ?? "" }, label);
       button.addEventListener("click", () => sort(key));
-      row.append(element("th", { scope: "col", className: `${place} ${number ? "number" : ""}`, "data-key": key }, button));
+      const className = `${place} ${number ? "number" : ""}`;
+      row.append(element("th", { scope: "col", className, "data-key": key }, button));
     }
   }
 
@@ -77,13 +78,13 @@ class Table {
     const room = this.section.clientHeight;
     const first = Math.max(0, Math.floor(top / this.height) - 4);
     const end = Math.min(this.rows.length, Math.ceil((top + room) / this.height) + 4);
-    for (const [place, row] of this.drawn) {
-      if (place < first || place >= end) {
-        // The one that has the focus would give it up.
-        if (row === document.activeElement) this.section.focus({ preventScroll: true });
-        row.remove();
-        this.drawn.delete(place);
-      }
+    const gone = [...this.drawn].filter(([place]) => place < first || place >= end);
+    // Before anything changes: a browser that takes the focus from a row as it is removed looks at the table, and where
+    // that is unfinished, scrolls to its end.
+    if (gone.some(([, row]) => row === document.activeElement)) this.section.focus({ preventScroll: true });
+    for (const [place, row] of gone) {
+      row.remove();
+      this.drawn.delete(place);
     }
     let following = this.after;
     for (let place = end - 1; place >= first; place -= 1) {
@@ -113,7 +114,7 @@ class Table {
         made.append(element("td", { colSpan: this.columns.length - 1 }, ...reason));
       } else {
         name.colSpan = this.columns.length;
-        name.append(reason[0]);
+        name.replaceChildren(element("b", {}, title(record)), reason[0]);
       }
       return made;
     }

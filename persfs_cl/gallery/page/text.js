@@ -60,7 +60,7 @@ function definitions(pairs) {
   return pairs
     .filter(([, value]) => value !== null && value !== undefined && value !== MISSING)
     .map(([term, value]) => {
-      const className = String(value).length > 24 ? "wide" : "";
+      const className = String(value).length > 18 ? "wide" : "";
       return element("div", { className }, element("dt", {}, term), element("dd", {}, value));
     });
 }
