@@ -42,13 +42,15 @@ persfs-cl reconstruct coin.tiff -o result --fov 7 --p0 0.2 --clip-highlights 95 
 
 persfs-cl reconstruct endoscope.png -o result --light flash --fov 90 --channel red --highlights fill --mask view.png
 
+persfs-cl reconstruct photo.jpg -o result --save depth,normals.npy,mesh.glb --mesh-faces 50000
+
 [bold]Output[/bold]
 
 The paths of the files written go to standard output, one a line; everything else goes to standard error.
 
 Ctrl-C ends the iteration: what there is by then is written, report.json says STOPPED, and the exit status is 130.
-During the preparation it ends the program at once. While results are written it leaves out the pictures; depth, mesh
-and report are kept. Pressed again, it ends the program without them. SIGTERM and SIGHUP do the same.
+During the preparation it ends the program at once. While results are written it leaves out pictures and previews;
+depth, mesh and report are kept. Pressed again, it ends the program without them. SIGTERM and SIGHUP do the same.
 """
 _RENDER_EPILOG = """[bold]Example[/bold]
 

@@ -84,6 +84,7 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
     if existing:
         out.mkdir()
         (out / "relief.png").write_text("old")
+
     def interrupted(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> list[str]:
         if drawings:
             signal.raise_signal(number)
