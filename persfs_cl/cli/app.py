@@ -46,13 +46,15 @@ persfs-cl reconstruct endoscope.png -o result --light flash --fov 90 --channel r
 
 persfs-cl reconstruct photo.jpg -o result --config camera.toml --config flash.toml
 
+persfs-cl reconstruct photo.jpg -o result --save depth,normals.npy,mesh.glb --mesh-faces 50000
+
 [bold]Output[/bold]
 
 The paths of the files written go to standard output, one a line; everything else goes to standard error.
 
 Ctrl-C ends the iteration: what there is by then is written, report.json says STOPPED, and the exit status is 130.
-During the preparation it ends the program at once. While results are written it leaves out the pictures; depth, mesh
-and report are kept. Pressed again, it ends the program without them. SIGTERM and SIGHUP do the same.
+During the preparation it ends the program at once. While results are written it leaves out pictures and previews;
+depth, mesh and report are kept. Pressed again, it ends the program without them. SIGTERM and SIGHUP do the same.
 """
 _BATCH_EPILOG = """[bold]Examples[/bold]
 

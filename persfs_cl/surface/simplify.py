@@ -29,14 +29,21 @@ _ENOUGH = 4.0
 """The thinned grid has so many times the triangles that are wanted: decimation chooses among them."""
 
 _SKIRT = 15.0
-"""Depth of the skirt in pixels. Along edges that are far shorter or longer its triangles would be slivers, which are
-not touched."""
+"""Depth of the skirt in pixels' width. Along edges that are far shorter or longer its triangles would be slivers, which
+are not touched."""
 
-_TURNED = math.tan(math.radians(11.0))
+_TILT = math.tan(math.radians(11.0))
 """Collapses turn no triangle by more than 78 degrees from where it was: what was tilted by less than the remaining 12
-cannot come to lie upside down."""
+cannot come to lie upside down. So the surface is made so flat."""
 
-_FLATTENED = 0.25
+_FLATTER = 4.0
+_ATTEMPTS = 3
+"""By what factor it is flattened further where a sliver was turned over by rounding, and how often."""
+
+_PATIENT, _RESOLUTE = 7.0, 10.0
+"""How fast the error grows that is allowed from pass to pass. There are 100 of them, after which the fast way has left
+no edge that could be collapsed."""
+
 _CLOSE, _TRIES = 0.8, 4
 """Share of the wanted triangles that is enough, and how often it is tried to come so close."""
 
@@ -87,6 +94,11 @@ def simplified_mesh(
     ------
     InputError
         As there.
+
+    Notes
+    -----
+    From 24 million triangles, of 12 megapixels, to 500,000 takes 9 s of one core of an AMD EPYC (Zen 3) and 0.8 GB besides
+    the depth; to make them all, and write them as PLY, takes 10 s and 2.2 GB, for a file of 504 MB instead of 10 MB.
     """
     import trimesh
 
@@ -231,40 +243,48 @@ def _upright(points: Array, faces: NDArray[np.int32], most: int) -> tuple[Array,
     right, down, away = np.cross(b - a, c - a).T
     steepest = float((np.hypot(right, down) / np.abs(away)).max())
     simpler, kept = points, faces
-    # The distance from the surface is what counts. Only where a steep part was turned over is it measured on a surface
-    # that was made flatter.
-    for flattening in (1.0, _FLATTENED, _TURNED / max(steepest, _TURNED)):
-        scale = np.array([1.0, 1.0, flattening])
-        simpler, kept = _fitted(points * scale, faces, most)
+    stretch = max(steepest / _TILT, 1.0)
+    for _ in range(_ATTEMPTS):
+        # Stretched across, not pressed flat: the errors that decide are those of depth, in pixels.
+        scale = np.array([stretch, stretch, 1.0])
+        simpler, kept = _fitted(points * scale, faces, most, _SKIRT * stretch)
         simpler /= scale
         a, b, c = (simpler[corner] for corner in kept.T)
         if (np.cross(b - a, c - a)[:, 2] * away[0] > 0).all():
             break
+        stretch *= _FLATTER
     return simpler, kept
 
 
-def _fitted(points: Array, faces: NDArray[np.int32], most: int) -> tuple[Array, NDArray[np.int32]]:
+def _fitted(points: Array, faces: NDArray[np.int32], most: int, skirt: float) -> tuple[Array, NDArray[np.int32]]:
     """Fewer triangles, about as many as are wanted and no more, if possible."""
-    hanging, below = _skirt(points, faces)
+    hanging, below = _skirt(points, faces, skirt)
     enough, too_many = (0, 0), (len(faces) + len(hanging), len(faces))
-    target, found = most, (points, faces)
+    target, haste, found = most, _PATIENT, (points, faces)
     for _ in range(_TRIES):
-        simpler, kept = _decimated(points, faces, below, hanging, target)
-        if len(kept) <= most or len(kept) < len(found[1]):
-            found = simpler, kept
+        simpler, kept = _decimated(points, faces, below, hanging, target, haste)
+        found = max(found, (simpler, kept), key=lambda mesh: _worth(len(mesh[1]), most))
         if _CLOSE * most <= len(kept) <= most:
             break
         # The skirt has its share of the target, which is large where there are many small holes.
         if len(kept) <= most:
             enough = target, len(kept)
+        elif target <= most:
+            haste = _RESOLUTE
+            continue
         else:
             too_many = target, len(kept)
         target = round(np.interp(0.95 * most, (enough[1], too_many[1]), (enough[0], too_many[0])))
     return found
 
 
+def _worth(count: int, most: int) -> int:
+    """What a mesh is preferred for: enough triangles or else few, and some in any case."""
+    return count if 0 < count <= most else -count if count else -(2**62)
+
+
 def _decimated(
-    points: Array, faces: NDArray[np.int32], below: Array, hanging: NDArray[np.int32], target: int
+    points: Array, faces: NDArray[np.int32], below: Array, hanging: NDArray[np.int32], target: int, haste: float
 ) -> tuple[Array, NDArray[np.int32]]:
     """The surface, after the edges of surface and skirt were collapsed whose collapse moves them least."""
     import fast_simplification
@@ -274,6 +294,7 @@ def _decimated(
             np.concatenate([points, below]),
             np.concatenate([faces, hanging]),
             target_count=target,
+            agg=haste,
             return_collapses=True,
         )
     # Each vertex went into one other, at most, and that perhaps into another. Triangles keep their order, and those
@@ -285,10 +306,10 @@ def _decimated(
     a, b, c = into[faces].T
     kept = simpler_faces[: np.count_nonzero((a != b) & (b != c) & (c != a))]
     # So do points. Those of the skirt are merged with each other only: its lower rim is a rim, and the upper is none.
-    return simpler[: kept.max() + 1], kept
+    return simpler[: kept.max(initial=-1) + 1], kept
 
 
-def _skirt(points: Array, faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], Array]:
+def _skirt(points: Array, faces: NDArray[np.int32], reach: float) -> tuple[NDArray[np.int32], Array]:
     """Triangles that hang from the rim of a surface straight away from the camera, and their further points.
 
     Without them flat ground would be eaten away from its rim, at no cost that decimation knows of. The skirt of an edge
@@ -303,4 +324,4 @@ def _skirt(points: Array, faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], 
     hanging = np.concatenate(
         [np.stack([end, begin, begin_below], axis=-1), np.stack([end, begin_below, end_below], axis=-1)]
     )
-    return hanging, points[rim] + (0.0, 0.0, _SKIRT)
+    return hanging, points[rim] + (0.0, 0.0, reach)

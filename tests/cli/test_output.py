@@ -100,7 +100,10 @@ def test_what_is_written_can_be_chosen(photo: Path, tmp_path: Path) -> None:
     [
         (("--save", "depth,mash"), "--save has the item 'mash', which is none: give groups of files"),
         (("--save", ","), "--save , names nothing to write"),
-        (("--mesh-faces", "7"), "--mesh-faces 7 is not a number of triangles: give a whole number"),
+        (
+            ("--mesh-faces", "7"),
+            "--mesh-faces 7 is not a number of triangles: give a whole number, 100 or more, or 0 for all.",
+        ),
     ],
 )
 def test_a_wrong_choice_is_refused_before_the_photo_is_read(

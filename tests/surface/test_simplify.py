@@ -213,3 +213,20 @@ def test_slivers_of_surfaces_survive() -> None:
     mesh = simplified_mesh(line, CAMERA, 100)
     assert 1 <= len(mesh.faces) <= 100
     assert facing(mesh).all()
+
+
+def test_crumbs_do_not_become_nothing() -> None:
+    random = np.random.default_rng(0)
+    crumbs = np.where(random.random(SHAPE) < 0.4, WAVY, np.nan)
+    mesh = simplified_mesh(crumbs, CAMERA, 100)
+    assert 1 <= len(mesh.faces) <= 100
+    assert facing(mesh).all()
+
+
+def test_a_jagged_outline_gives_way_where_few_triangles_are_wanted() -> None:
+    random = np.random.default_rng(0)
+    ragged = np.hypot(COLUMN - 75, ROW - 60) < 50 + 4 * random.standard_normal(SHAPE)
+    steep = np.where(ragged, WAVY * np.exp(0.1 * random.standard_normal(SHAPE)), np.nan)
+    mesh = simplified_mesh(steep, CAMERA, 200)
+    assert 100 <= len(mesh.faces) <= 200
+    assert facing(mesh).all()
