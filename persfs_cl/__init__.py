@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from persfs_cl.io.maps import read_depth, read_light, read_mask
     from persfs_cl.io.photos import read_image, read_photo
     from persfs_cl.metrics import Errors, compare
+    from persfs_cl.pipeline.batch import BatchResult, batch
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
     from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
     from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
@@ -59,6 +60,7 @@ else:
         "shading.flash_light": ("FlashLight",),
         "shading.parallel_light": ("ParallelLight",),
         "metrics": ("Errors", "compare"),
+        "pipeline.batch": ("BatchResult", "batch"),
         "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
         "shading.lambertian": ("Lambertian",),
         "shading.oren_nayar": ("OrenNayar",),
@@ -91,6 +93,7 @@ else:
 
 
 __all__ = [
+    "BatchResult",
     "Camera",
     "CameraError",
     "ConvergenceError",
@@ -111,6 +114,7 @@ __all__ = [
     "Scene",
     "Solution",
     "Status",
+    "batch",
     "bump",
     "bumps",
     "clip_highlights",
