@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, fields
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast, get_args
 
@@ -22,11 +21,11 @@ from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
-from persfs_cl.pipeline.manifest import Known, Record, latest, now
+from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan, input_hash, stamps
 from persfs_cl.pipeline.station import Outcome, Task
-from persfs_cl.pipeline.store import FolderStore, Journal, Store, store_for
+from persfs_cl.pipeline.store import FolderStore, Journal, Results, Store, store_for
 from persfs_cl.pipeline.workers import Setting
 from persfs_cl.solver.options import Options, complete, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
@@ -139,10 +138,14 @@ class Batch:
             held: Sequence[int] = ()
             if isinstance(self._store, FolderStore):
                 held = open_things.enter_context(claimed(self._store.root, self._shard))
-            journal = None if self._store is None else self._store.journal()
-            if journal is not None:
+            journal = None
+            if self._store is not None:
+                # Now, for there may be nobody to do anything, and then, for processes may have been ended.
+                self._store.clean()
+                open_things.callback(self._store.clean)
+                journal = self._store.journal()
                 open_things.callback(journal.close)
-            tasks = self._tasks(journal)
+            tasks = self._tasks(journal, interrupted)
             # Without a task there is nobody to call.
             first = next(tasks, None)
             yield from self._noted(journal)
@@ -179,42 +182,65 @@ class Batch:
                 journal.add(result.record)
             yield result
 
-    def _tasks(self, journal: Journal | None) -> Iterator[Task]:
+    def _tasks(self, journal: Journal | None, interrupted: Callable[[], bool]) -> Iterator[Task]:
         for place, error in self._problems:
             self._refuse(Path(place), place, error)
         known = {} if self._store is None else latest(self._store.manifests())
-        find = None if self._store is None else self._store.finder()
+        there = None if self._store is None else self._store.results()
+        # Photos that end processes or devices must not come before others in every run.
+        failed: list[int] = []
         for number, one in enumerate(self._inputs):
-            try:
-                job = self._plan.job(one, self._roots)
-            except PersfsError as error:
-                self._refuse(one.path, one.name, error)
-                continue
-            hashed = self._plan.parameter_hash(job)
-            task = Task(number, one.name, job, hashed)
+            if interrupted():
+                return
             before = known.get(one.name)
-            if before is None and find is not None and (found := find(one.name)) is not None:
-                # Its run ended before it could note it.
-                before = Known.of(found)
-                if journal is not None:
-                    journal.add(found)
-            if before is not None and not self._is_wanted(task, before):
-                self.skipped += 1
-                continue
-            if before is None and self._again == "failed":
-                self.skipped += 1
-                continue
-            self._given[number] = one
-            yield task
+            if before is not None and before.status == "failed" and self._again != "none":
+                failed.append(number)
+            elif (task := self._task(number, before, there, journal)) is not None:
+                yield task
+        for number in failed:
+            if interrupted():
+                return
+            if (task := self._task(number, known[self._inputs[number].name], there, journal)) is not None:
+                yield task
 
-    def _is_wanted(self, task: Task, before: Known) -> bool:
-        if self._again == "all":
-            return True
-        if self._again == "none":
-            return before.status != "done"
-        if before.status == "failed":
-            return True
-        return self._again == "changed" and not _is_the_same(task, before)
+    def _task(self, number: int, before: Known | None, there: Results | None, journal: Journal | None) -> Task | None:
+        """What is to be done with a photo, if it is."""
+        one = self._inputs[number]
+        if before is not None and before.status == "done" and there is not None and one.name not in there:
+            before = None  # somebody removed it
+        if (self._again == "none" and before is not None and before.status == "done") or (
+            self._again == "failed" and (before is None or before.status == "done")
+        ):
+            self.skipped += 1
+            return None
+        try:
+            job = self._plan.job(one, self._roots)
+        except PersfsError as error:
+            self._refuse(one.path, one.name, error)
+            return None
+        task = Task(number, one.name, job, self._plan.parameter_hash(job))
+        if self._again != "all" and (
+            self._is_as_wanted(task, before) or self._is_adopted(task, before, there, journal)
+        ):
+            self.skipped += 1
+            return None
+        self._given[number] = one
+        return task
+
+    def _is_as_wanted(self, task: Task, before: Known | None) -> bool:
+        if before is None or before.status != "done":
+            return False
+        return self._again == "none" or _is_the_same(task, before)
+
+    def _is_adopted(self, task: Task, before: Known | None, there: Results | None, journal: Journal | None) -> bool:
+        """Whether there is a result that its run could not note any more: it is noted now."""
+        found = None if there is None else there.record(task.name)
+        if found is None or (before is not None and found.finished <= before.finished):
+            return False
+        if journal is None or not self._is_as_wanted(task, Known.of(found)):
+            return False
+        journal.add(found)
+        return True
 
     def _refuse(self, path: Path, name: str, error: PersfsError) -> None:
         record = Record(
@@ -222,7 +248,7 @@ class Batch:
             path=str(path),
             status="failed",
             error={"kind": type(error).__name__, "message": str(error)},
-            version=version("persfs-cl"),
+            version=package_version(),
             finished=now(),
         )
         self._refused.append(BatchResult(path, name, record, error=error))
@@ -318,6 +344,9 @@ def batch(
     if keywords:
         raise TypeError(f"There is no keyword argument {next(iter(keywords))!r}.")
     check_choice("again", again, get_args(Again))
+    for name in ("callback", "throw"):
+        if options.get(name):
+            raise InputError.about(name, options[name], "is for one photograph: results say how each iteration ended.")
     settings = complete(options)
     files = {"masks": masks, "mask": mask, "walls": walls, "known_depth": known_depth, "albedo": albedo}
     plan = Plan(

@@ -86,7 +86,8 @@ def _other_division(folder: Path, shard: Shard) -> str:
             continue
         handle = os.open(lock, os.O_RDWR)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Shared: others that look at the same time must not take each other for holders.
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             return f"{number}/{count}"
         except OSError:  # a file system without locks

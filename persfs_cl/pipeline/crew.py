@@ -10,30 +10,54 @@ from itertools import islice
 from multiprocessing.connection import wait
 
 from persfs_cl.checks import warn
-from persfs_cl.errors import DeviceError, InputError, PersfsError
+from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
 from persfs_cl.pipeline.manifest import Record, now
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.workers import Setting, Worker
 
 _AHEAD = 256
 """Tasks that a device has at most: enough for small photos to share launches."""
-_FAILURES = 3
-"""A device that fails so often, with nothing done in between, is given up."""
-_ATTEMPTS = 2
-"""A photo that a device failed at so often is given up."""
+_DEATHS = 4
+"""A device whose process ends so often, with nothing done in between, is given up."""
 _ASKED_EVERY = 0.2
 """Seconds between two looks whether an end is asked for."""
 
 
 @dataclass(eq=False)
 class _Member:
-    """A device, and what it has to do."""
+    """A device, and what it has to do.
+
+    Attributes
+    ----------
+    setting : Setting
+    worker : Worker or None
+        None once it is given up.
+    ready : bool
+        Whether the process has solved something, if only to show that it can.
+    name : str
+    tasks : dict
+        By their numbers.
+    deaths : int
+        Processes that ended in a row, with nothing done in between.
+    refusal : PersfsError or None
+        What it said last of why it does not work.
+    suspects : list
+        Tasks that were by themselves when the process ended, and how it ended. They are to blame if the device goes on.
+    """
 
     setting: Setting
     worker: Worker | None = None
+    ready: bool = False
     name: str = ""
     tasks: dict[int, Task] = field(default_factory=dict)
-    failures: int = 0
+    deaths: int = 0
+    refusal: PersfsError | None = None
+    suspects: list[tuple[Task, int]] = field(default_factory=list)
+
+    @property
+    def title(self) -> str:
+        """What warnings call it."""
+        return self.name or ("A device" if self.setting.device is None else f"Device {self.setting.device}")
 
     @property
     def alone(self) -> bool:
@@ -44,9 +68,10 @@ class _Member:
 class Crew:
     """Processes that share tasks, one for each device.
 
-    A device whose process ends, or that refuses its work, is started anew; what it had to do goes back to all. After
-    some failures in a row it is given up, and the others go on. What was in the process when it ended is tried again by
-    itself, so that the one photo that ends processes is known by the second time.
+    A device whose process ends, or that works no more, is started anew; what it had to do goes back to all, and is done
+    when nothing else is left, each by itself. A photo whose process ends then too, on every device, is to blame, unless
+    the devices do nothing else either. After some ends in a row a device is given up, and the others go on. A photo
+    that a device refuses, but that does others, is for the others.
 
     Parameters
     ----------
@@ -59,8 +84,10 @@ class Crew:
     def __init__(self, settings: Sequence[Setting], inherited: Sequence[int] = ()) -> None:
         self._members = [_Member(setting) for setting in settings]
         self._inherited = inherited
-        self._refusal: PersfsError | None = None
+        self._fresh: deque[Task] = deque()
+        """Taken back from a device that was to blame."""
         self._again: deque[Task] = deque()
+        """To be done once more, by themselves."""
         self._tried: defaultdict[int, set[_Member]] = defaultdict(set)
         """Which devices failed at a photo."""
 
@@ -83,29 +110,31 @@ class Crew:
         ------
         DeviceError
             When no device is left, and tasks are.
+        PersfsError
+            When what is asked for is impossible on any device.
         """
         source = iter(tasks)
         stopping = False
         try:
             for member in self._members:
                 self._start(member)
+                if member.worker is None:
+                    self._give_up(member)
             while True:
                 if not stopping and interrupted():
                     stopping = True
                     source = iter(())
-                    for task in self._again:
-                        yield _dropped(task)
-                    self._again.clear()
+                    yield from map(_dropped, self._taken_back())
                     for member in self._living():
                         member.worker.stop()  # type: ignore[union-attr] # it lives
                 for member in self._living():
                     self._feed(member, source)
-                busy = [member for member in self._living() if member.tasks]
-                if not busy:
-                    left = [*self._again, *([] if self._living() else _first(source))]
-                    if not left:
-                        return
-                    raise self._nobody(len(self._again))
+                if not any(member.tasks for member in self._living()):
+                    if not self._living() and (left := [*self._fresh, *self._again, *_first(source)]):
+                        raise self._nobody(len(left))
+                    for member in self._living():
+                        yield from self._blamed(member)
+                    return
                 yield from self._heard(stopping)
         finally:
             self._end()
@@ -113,42 +142,46 @@ class Crew:
     def _living(self) -> list[_Member]:
         return [member for member in self._members if member.worker is not None]
 
+    def _taken_back(self) -> list[Task]:
+        suspects = [task for member in self._members for task, _ in member.suspects]
+        left = [*self._fresh, *self._again, *suspects]
+        self._fresh.clear()
+        self._again.clear()
+        for member in self._members:
+            member.suspects.clear()
+        return left
+
     def _start(self, member: _Member) -> None:
+        member.ready = False
         try:
             member.worker = Worker(member.setting, self._inherited)
-        except PersfsError as error:
-            self._refusal = error
-            warn(f"{error}")
+        except DeviceError as error:
+            member.refusal = error
 
     def _feed(self, member: _Member, source: Iterator[Task]) -> None:
         worker = member.worker
         while worker is not None and len(member.tasks) < _AHEAD and not member.alone:
-            task = self._untried(member)
-            if task is not None:
-                if member.tasks:
-                    self._again.appendleft(task)
-                    return  # first what it has, then this by itself
-            else:
-                found = _first(source)
-                if not found:
-                    return
-                task = found[0]
+            task = self._next(member, source)
+            if task is None:
+                return
             member.tasks[task.number] = task
             with suppress(OSError):  # it has ended, which will be heard
                 worker.add(task)
 
-    def _untried(self, member: _Member) -> Task | None:
-        """A task to be tried again, if this device is one for it: not if it failed at it, and another has not."""
+    def _next(self, member: _Member, source: Iterator[Task]) -> Task | None:
+        """What a device is to do next, if there is anything for it now."""
+        if self._fresh:
+            return self._fresh.popleft()
+        for task in _first(source):
+            return task
+        if member.tasks:
+            return None  # first what it has, then each of the others by itself
         for task in self._again:
             tried = self._tried[task.number]
             if member not in tried or tried.issuperset(self._living()):
                 self._again.remove(task)
                 return task
         return None
-
-    def _is_to_blame(self, task: Task) -> bool:
-        """Whether a task has failed often enough, and everywhere."""
-        return task.attempts + 1 >= _ATTEMPTS and self._tried[task.number].issuperset(self._living())
 
     def _heard(self, stopping: bool) -> Iterator[Outcome]:
         """What the processes say next."""
@@ -161,29 +194,42 @@ class Crew:
                 yield from self._lost(member, stopping)
                 continue
             if kind == "ready":
-                member.name = about
-            elif kind == "refused":
-                self._refusal = about
-                member.failures = _FAILURES
+                member.name, member.ready = about, True
+            elif kind == "outcome":
+                yield from self._ended(member, about, stopping)
+            elif isinstance(about, (DeviceError, KernelBuildError)):
+                member.refusal = about
+                member.deaths = _DEATHS
                 yield from self._lost(member, stopping)
             else:
-                yield from self._ended(member, about, stopping)
+                raise about
 
     def _ended(self, member: _Member, outcome: Outcome, stopping: bool) -> Iterator[Outcome]:
         task = member.tasks.pop(outcome.number)
-        if outcome.end != "device":
-            member.failures = 0
+        if outcome.end == "done":
+            member.deaths = 0
+            yield from self._blamed(member)
+        if outcome.end not in ("unfit", "device"):
             yield outcome
-            return
-        member.failures += 1
-        self._refusal = outcome.error
-        self._tried[task.number].add(member)
-        if stopping or self._is_to_blame(task):
-            yield replace(outcome, end="dropped" if stopping else "failed")
-        else:
-            self._again.append(replace(task, attempts=task.attempts + 1))
-        if member.failures >= _FAILURES:
+        elif stopping:
+            yield replace(outcome, end="dropped")
+        elif outcome.end == "device":
+            member.refusal = outcome.error
+            member.tasks[task.number] = task
             yield from self._lost(member, stopping)
+        else:
+            tried = self._tried[task.number]
+            tried.add(member)
+            if tried.issuperset(self._living()):
+                yield replace(outcome, end="failed")
+            else:
+                self._again.append(task)
+
+    def _blamed(self, member: _Member) -> Iterator[Outcome]:
+        """The photos that ended its processes, for the device itself is well."""
+        suspects, member.suspects = member.suspects, []
+        for task, status in suspects:
+            yield _killed(task, status)
 
     def _lost(self, member: _Member, stopping: bool) -> Iterator[Outcome]:
         """Take back what a device had to do, and start it anew or give it up."""
@@ -192,40 +238,61 @@ class Crew:
             return
         worker.kill()
         status = worker.close()
-        member.failures += 1
-        for task in member.tasks.values():
-            self._tried[task.number].add(member)
-            if stopping:
-                yield _dropped(task)
-            elif self._is_to_blame(task):
-                yield _killed(task, status)
-            else:
-                self._again.append(replace(task, attempts=task.attempts + 1))
+        member.deaths += 1
+        tasks = list(member.tasks.values())
         member.tasks.clear()
         if stopping:
+            yield from map(_dropped, tasks)
             return
-        if member.failures < _FAILURES:
+        if not member.ready:
+            self._fresh.extend(tasks)  # it never looked at them
+        for task in tasks if member.ready else ():
+            tried = self._tried[task.number]
+            tried.add(member)
+            if task.attempts and tried.issuperset(self._living()):
+                member.suspects.append((task, status))
+            else:
+                self._again.append(replace(task, attempts=task.attempts + 1))
+        if member.deaths < _DEATHS:
             self._start(member)
-        else:
-            why = self._refusal or f"Its process ended with status {status}."
-            warn(f"{member.name or member.setting.device or 'A device'} is not used any more. {why}")
+        if member.worker is None:
+            self._give_up(member, _ending(status))
+
+    def _give_up(self, member: _Member, ending: str = "") -> None:
+        """Leave what a device had to do to the others."""
+        why = member.refusal or f"Its processes ended, the last with {ending}."
+        self._again.extend(task for task, _ in member.suspects)
+        member.suspects.clear()
+        again = list(self._again)
+        self._again.clear()
+        for task in again:
+            # Where nobody else failed, it was to blame, and the others need not be careful.
+            own = self._tried[task.number] == {member}
+            (self._fresh if own else self._again).append(replace(task, attempts=0) if own else task)
+        warn(f"{member.title} is not used any more. {why}")
 
     def _nobody(self, left: int) -> DeviceError:
-        why = self._refusal or "Their processes ended."
-        more = f"at least {left} photos are" if left else "photos are"
-        error = DeviceError(f"No device is left, and {more} not done: the same command goes on from there. {why}")
-        error.__cause__ = self._refusal
+        refusal = next((member.refusal for member in self._members if member.refusal), None)
+        why = refusal or "Their processes ended."
+        error = DeviceError(
+            f"No device is left, and at least {left} photos are not done: the same command goes on from there. {why}"
+        )
+        error.__cause__ = refusal
         return error
 
     def _end(self) -> None:
         for member in self._living():
-            if member.tasks:
+            if member.tasks or not member.ready:
                 member.worker.kill()  # type: ignore[union-attr] # it lives
             else:
                 member.worker.finish()  # type: ignore[union-attr] # it lives
         for member in self._living():
             member.worker.close()  # type: ignore[union-attr] # it lives
             member.worker = None
+
+
+def _ending(status: int) -> str:
+    return f"signal {-status}" if status < 0 else f"status {status}"
 
 
 def _first(source: Iterator[Task]) -> list[Task]:
@@ -244,10 +311,9 @@ def _failed(task: Task, error: PersfsError) -> Record:
 
 
 def _killed(task: Task, status: int) -> Outcome:
-    how = f"signal {-status}" if status < 0 else f"status {status}"
     error = InputError(
-        f"{task.job.title}: the process that solved it ended twice ({how}), the second time with nothing else to do. "
-        "The driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
+        f"{task.job.title}: the process that solved it ended twice ({_ending(status)}), the second time with nothing "
+        "else to do. The driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
     )
     return Outcome(task.number, "failed", _failed(task, error), error)
 

@@ -13,6 +13,8 @@ import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime, timezone
+from functools import cache
+from importlib.metadata import version
 from typing import Any, Literal, NamedTuple
 
 from persfs_cl.io.files import plain
@@ -89,15 +91,14 @@ class Record:
         """The record of a line; None where it is none, or not the whole of one."""
         try:
             entries = json.loads(line)
-            known = {one.name for one in fields(cls)}
-            record = cls(**{name: value for name, value in entries.items() if name in known})
-        except (ValueError, TypeError, AttributeError):
+            known = {name: entries[name] for name in entries.keys() & {one.name for one in fields(cls)}}
+            for name in ("warnings", "files"):
+                known[name] = tuple(known.get(name, ()))
+            known["stamps"] = {name: (size, time) for name, (size, time) in known.get("stamps", {}).items()}
+            texts = [known[name] for name in ("name", "path", "status", "finished", "parameter_hash", "input_hash")]
+            return cls(**known) if all(isinstance(text, str) for text in texts) else None
+        except (ValueError, TypeError, AttributeError, KeyError, RecursionError):
             return None
-        for name in ("warnings", "files"):
-            object.__setattr__(record, name, tuple(entries.get(name) or ()))
-        stamps = {name: tuple(stamp) for name, stamp in record.stamps.items()}
-        object.__setattr__(record, "stamps", stamps)
-        return record
 
 
 class Known(NamedTuple):
@@ -113,6 +114,12 @@ class Known(NamedTuple):
     def of(cls, record: Record) -> Known:
         """Of a record."""
         return cls(record.status, record.input_hash, record.parameter_hash, record.stamps, record.finished)
+
+
+@cache
+def package_version() -> str:
+    """The version that is installed: looked up once, for that reads files."""
+    return version("persfs-cl")
 
 
 def now() -> str:

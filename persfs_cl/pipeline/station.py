@@ -15,15 +15,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 from persfs_cl._cl.device import Device
 from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
 from persfs_cl.pipeline.headers import pixels
+from persfs_cl.pipeline.health import trouble
 from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, read_job
-from persfs_cl.pipeline.manifest import Record, now
+from persfs_cl.pipeline.manifest import Record, now, package_version
 from persfs_cl.pipeline.plan import input_hash, stamps
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.pipeline.store import Shelf
@@ -43,6 +43,9 @@ _LARGEST_GROUP = 2**24
 """Pixels that share launches at most: their results appear together."""
 _ROOM_OF_READERS = 4
 """Photos that wait to be written for each writer: more would only hold memory."""
+
+
+End = Literal["done", "failed", "dropped", "unfit", "device"]
 
 
 @dataclass(frozen=True)
@@ -75,8 +78,9 @@ class Outcome:
     Attributes
     ----------
     number : int
-    end : {"done", "failed", "dropped", "device"}
-        "dropped": it was not finished, because an end was asked for. "device": the device is to blame, or may be.
+    end : {"done", "failed", "dropped", "unfit", "device"}
+        "dropped": it was not finished, because an end was asked for. "unfit": this device cannot do it, though it can
+        do others. "device": it can do nothing any more.
     record : Record
     error : PersfsError or None
     solution : Solution or None
@@ -84,7 +88,7 @@ class Outcome:
     """
 
     number: int
-    end: Literal["done", "failed", "dropped", "device"]
+    end: End
     record: Record
     error: PersfsError | None = None
     solution: Solution | None = None
@@ -307,7 +311,7 @@ class Station:
             "path": str(work.task.job.path),
             "warnings": tuple(work.said),
             "parameter_hash": work.task.parameter_hash,
-            "version": version("persfs-cl"),
+            "version": package_version(),
             "device": str(self._device),
             "seconds": work.seconds,
             "finished": now(),
@@ -316,9 +320,11 @@ class Station:
 
     def _end(self, work: _Work, outcome: Outcome) -> None:
         work.ready = work.problem = work.solved = None
-        self._room.give_back(work.room)
-        work.room = 0
-        self._put(outcome)
+        try:
+            self._put(outcome)
+        finally:
+            self._room.give_back(work.room)
+            work.room = 0
 
     @contextmanager
     def _step(self, work: _Work, name: str) -> Iterator[None]:
@@ -346,7 +352,8 @@ class Station:
             self._fail(works, "dropped", lambda work: InputError(f"{work.task.job.title} was not finished."))
         except (DeviceError, KernelBuildError) as error:
             blamed = error
-            self._fail(works, "device", lambda _: blamed)
+            end: End = "unfit" if trouble(self._device, self._options) is None else "device"
+            self._fail(works, end, lambda _: blamed)
         except PersfsError as error:
             refused = error
             self._fail(works, "failed", lambda _: refused)
@@ -360,7 +367,7 @@ class Station:
     def _fail(
         self,
         works: Sequence[_Work],
-        end: Literal["failed", "dropped", "device"],
+        end: End,
         why: Callable[[_Work], PersfsError],
     ) -> None:
         for work in works:

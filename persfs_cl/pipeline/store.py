@@ -16,11 +16,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, Protocol
 
 from persfs_cl.errors import InputError, UnavailableError
-from persfs_cl.io.files import FilePath, as_path, not_written, staging
+from persfs_cl.io.files import FilePath, as_path, not_written, remove_leftovers, staging
 from persfs_cl.pipeline.manifest import FOLDER, Record, file_name
+from persfs_cl.wording import brief
 
 if TYPE_CHECKING:
     import fsspec
@@ -66,6 +67,16 @@ class Journal(ABC):
         """Add no more."""
 
 
+class Results(Protocol):
+    """Which results are there, whole."""
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is one of a name."""
+
+    def record(self, name: str) -> Record | None:
+        """What is noted in it; None where there is none."""
+
+
 class Store(ABC):
     """A place for results; it may be pickled."""
 
@@ -74,8 +85,8 @@ class Store(ABC):
         """A context manager that gives a :class:`Shelf`."""
 
     @abstractmethod
-    def finder(self) -> Callable[[str], Record | None]:
-        """A function that gives the record of a result that is there, and complete, by its name."""
+    def results(self) -> Results:
+        """What is there now."""
 
     @abstractmethod
     def journal(self) -> Journal:
@@ -88,6 +99,10 @@ class Store(ABC):
     @abstractmethod
     def publish(self, write: Callable[[Path], Iterable[str]]) -> None:
         """Let a function write some files to a folder, and put them beside the results."""
+
+    @abstractmethod
+    def clean(self) -> None:
+        """Remove what processes that were killed left behind."""
 
 
 @dataclass(frozen=True)
@@ -110,16 +125,9 @@ class FolderStore(Store):
         with staging(self.root) as stage:
             yield _FolderShelf(self.root, stage)
 
-    def finder(self) -> Callable[[str], Record | None]:
+    def results(self) -> Results:
         """See :class:`Store`."""
-
-        def find(name: str) -> Record | None:
-            try:
-                return Record.read((self.root / name / RECORD).read_bytes())
-            except OSError:
-                return None
-
-        return find
+        return _FolderResults(self.root)
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
@@ -128,11 +136,30 @@ class FolderStore(Store):
     def manifests(self) -> Iterator[Iterable[bytes]]:
         """See :class:`Store`."""
         for file in sorted((self.root / FOLDER).glob("*.jsonl")):
-            yield _lines(file)
+            with file.open("rb") as lines:
+                yield lines
 
     def publish(self, write: Callable[[Path], Iterable[str]]) -> None:
         """See :class:`Store`."""
         write(self.root)
+
+    def clean(self) -> None:
+        """See :class:`Store`."""
+        remove_leftovers(self.root)
+
+
+class _FolderResults:
+    def __init__(self, root: Path) -> None:
+        self._root = root
+
+    def __contains__(self, name: object) -> bool:
+        return (self._root / str(name) / RECORD).is_file()
+
+    def record(self, name: str) -> Record | None:
+        try:
+            return _of(name, (self._root / name / RECORD).read_bytes())
+        except OSError:
+            return None
 
 
 class _FolderShelf(Shelf):
@@ -149,7 +176,8 @@ class _FolderShelf(Shelf):
             (new / RECORD).write_text(record.line(), encoding="utf-8")
             final.parent.mkdir(parents=True, exist_ok=True)
             old = self._stage / f"{new.name}-old"
-            with suppress(FileNotFoundError):
+            # Whoever is killed between the two leaves no result here, and the photo is done again.
+            if _is_result(final):
                 final.rename(old)
             new.rename(final)
             shutil.rmtree(old, ignore_errors=True)
@@ -169,9 +197,10 @@ class _GrowingJournal(Journal):
             self._handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o666)
         except OSError as error:
             raise not_written(file, error) from error
-        self._file, self._flushed = file, time.monotonic()
+        self._file, self._flushed, self._empty = file, time.monotonic(), True
 
     def add(self, record: Record) -> None:
+        self._empty = False
         try:
             data = record.line().encode()
             while data:
@@ -186,6 +215,8 @@ class _GrowingJournal(Journal):
         with suppress(OSError):  # some file systems cannot
             os.fsync(self._handle)
         os.close(self._handle)
+        if self._empty:
+            self._file.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
@@ -204,9 +235,9 @@ class RemoteStore(Store):
         return self.url
 
     def _place(self) -> tuple[fsspec.AbstractFileSystem, str]:
-        import fsspec  # noqa: PLC0415 - not needed by everyone who imports this module
-
         try:
+            import fsspec  # noqa: PLC0415 - not needed by everyone who imports this module
+
             return fsspec.core.url_to_fs(self.url)  # type: ignore[no-any-return] # fsspec is not typed
         except (ImportError, ValueError) as error:
             raise UnavailableError(f"{self.url} cannot be used ({error}): install what its protocol needs.") from error
@@ -217,35 +248,53 @@ class RemoteStore(Store):
         with tempfile.TemporaryDirectory(prefix="persfs-cl-") as stage:
             yield _RemoteShelf(self, *self._place(), Path(stage))
 
-    def finder(self) -> Callable[[str], Record | None]:
+    def results(self) -> Results:
         """See :class:`Store`."""
         system, root = self._place()
-        # One listing in place of a question for each photo, which takes as long as a photo does.
-        there = set(system.find(root)) if system.exists(root) else set()
-
-        def find(name: str) -> Record | None:
-            place = f"{root}/{name}/{RECORD}"
-            return Record.read(system.cat_file(place)) if place in there else None
-
-        return find
+        with _refusing(self.url):
+            # One listing in place of a question for each photo, which takes as long as a photo does.
+            found = system.find(root) if system.exists(root) else []
+        return _RemoteResults(self, system, root, {file for file in found if file.endswith(f"/{RECORD}")})
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
         system, root = self._place()
-        return _PartedJournal(system, f"{root}/{FOLDER}/{file_name().removesuffix('.jsonl')}")
+        return _PartedJournal(self.url, system, f"{root}/{FOLDER}/{file_name().removesuffix('.jsonl')}")
 
     def manifests(self) -> Iterator[Iterable[bytes]]:
         """See :class:`Store`."""
         system, root = self._place()
-        for file in sorted(system.glob(f"{root}/{FOLDER}/*.jsonl")):
-            yield system.cat_file(file).splitlines(keepends=True)
+        with _refusing(self.url):
+            files = sorted(system.glob(f"{root}/{FOLDER}/*.jsonl"))
+        for file in files:
+            with _refusing(f"{self.url}/{FOLDER}"):
+                lines = system.cat_file(file).splitlines(keepends=True)
+            yield lines
 
     def publish(self, write: Callable[[Path], Iterable[str]]) -> None:
         """See :class:`Store`."""
         system, root = self._place()
         with tempfile.TemporaryDirectory(prefix="persfs-cl-") as folder:
             for file in write(Path(folder)):
-                system.put_file(str(Path(folder) / file), f"{root}/{file}")
+                with _refusing(f"{self.url}/{file}"):
+                    system.put_file(str(Path(folder) / file), f"{root}/{file}")
+
+    def clean(self) -> None:
+        """See :class:`Store`: there are no temporary files there."""
+
+
+class _RemoteResults:
+    def __init__(self, store: RemoteStore, system: Any, root: str, there: set[str]) -> None:
+        self._store, self._system, self._root, self._there = store, system, root, there
+
+    def __contains__(self, name: object) -> bool:
+        return f"{self._root}/{name}/{RECORD}" in self._there
+
+    def record(self, name: str) -> Record | None:
+        if name not in self:
+            return None
+        with _refusing(f"{self._store.url}/{name}"):
+            return _of(name, self._system.cat_file(f"{self._root}/{name}/{RECORD}"))
 
 
 class _RemoteShelf(Shelf):
@@ -255,29 +304,36 @@ class _RemoteShelf(Shelf):
 
     def put(self, name: str, fill: Callable[[Path], Record]) -> Record:
         new = self._stage / f"{next(self._numbers)}"
-        final = f"{self._root}/{name}"
+        place, final = f"{self._store.url}/{name}", f"{self._root}/{name}"
         try:
             new.mkdir()
             record = fill(new)
-            with suppress(FileNotFoundError):
-                self._system.rm_file(f"{final}/{RECORD}")
-            self._system.makedirs(final, exist_ok=True)
-            for file in sorted(new.iterdir()):
-                self._system.put_file(str(file), f"{final}/{file.name}")
-            # A name that nobody reads would not do: it must be either not there or whole.
-            self._system.pipe_file(f"{final}/{RECORD}", record.line().encode())
+            with _refusing(place):
+                self._send(new, final, record)
         except InputError as error:
-            raise type(error)(str(error).replace(str(new), f"{self._store.url}/{name}")) from error
+            raise type(error)(str(error).replace(str(new), place)) from error
         except OSError as error:
-            raise not_written(f"{self._store.url}/{name}", error) from error
+            raise not_written(place, error) from error
         finally:
             shutil.rmtree(new, ignore_errors=True)
         return record
 
+    def _send(self, new: Path, final: str, record: Record) -> None:
+        system = self._system
+        # What a result before had more of must not stay beside this one. Its record goes first.
+        with suppress(FileNotFoundError):
+            system.rm_file(f"{final}/{RECORD}")
+        if system.exists(final):
+            system.rm(final, recursive=True)
+        system.makedirs(final, exist_ok=True)
+        for file in sorted(new.iterdir()):
+            system.put_file(str(file), f"{final}/{file.name}")
+        system.pipe_file(f"{final}/{RECORD}", record.line().encode())
+
 
 class _PartedJournal(Journal):
-    def __init__(self, system: Any, stem: str) -> None:
-        self._system, self._stem = system, stem
+    def __init__(self, url: str, system: Any, stem: str) -> None:
+        self._url, self._system, self._stem = url, system, stem
         self._lines: list[str] = []
         self._parts, self._written = 0, time.monotonic()
 
@@ -290,7 +346,9 @@ class _PartedJournal(Journal):
         self._write()
 
     def _write(self) -> None:
-        if self._lines:
+        if not self._lines:
+            return
+        with _refusing(f"{self._url}/{FOLDER}"):
             self._system.makedirs(self._stem.rpartition("/")[0], exist_ok=True)
             self._system.pipe_file(f"{self._stem}-{self._parts:06}.jsonl", "".join(self._lines).encode())
         self._lines.clear()
@@ -300,15 +358,47 @@ class _PartedJournal(Journal):
 def store_for(output: FilePath) -> Store:
     """The store of a folder or a URL."""
     text = os.fspath(output) if isinstance(output, (str, os.PathLike)) else output
+    if isinstance(text, str) and text.startswith("memory:"):
+        raise InputError(f"{text} is in the memory of one process, and others solve the photos: choose another output.")
     if isinstance(text, str) and "://" in text:
         return RemoteStore(text.rstrip("/"))
     return FolderStore(as_path(output))
 
 
-def _lines(file: Path) -> Iterator[bytes]:
-    with file.open("rb") as handle:
-        yield from _whole(handle)
+def _of(name: str, line: bytes) -> Record | None:
+    """The record of a result; none of one that somebody copied to another name."""
+    record = Record.read(line)
+    return record if record is not None and record.name == name else None
 
 
-def _whole(handle: BinaryIO) -> Iterator[bytes]:
-    yield from handle
+def _is_result(place: Path) -> bool:
+    """Whether there is something of a batch where a result is to be; refused is what somebody else put there.
+
+    Raises
+    ------
+    InputError
+        Then.
+    """
+    try:
+        with os.scandir(place) as entries:
+            kinds = {entry.name: entry.is_dir() for entry in entries}
+    except FileNotFoundError:
+        return False
+    except NotADirectoryError:
+        kinds = {"": True}
+    if kinds and (RECORD not in kinds or any(kinds.values())):
+        raise InputError(f"{place} holds something else than a result: move it away, or choose another output.")
+    return True
+
+
+@contextmanager
+def _refusing(place: str) -> Iterator[None]:
+    """Whatever a file system of fsspec raises, as an error that names the place: each has errors of its own."""
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except OSError as error:
+        raise not_written(place, error) from error
+    except Exception as error:
+        raise InputError(f"{place} cannot be used ({brief(error)}): check the URL, and the rights there.") from error

@@ -7,7 +7,6 @@ started them either, and so need nothing of it, no ``if __name__ == "__main__"``
 from __future__ import annotations
 
 import os
-import secrets
 import signal
 import subprocess
 import sys
@@ -15,22 +14,25 @@ import threading
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Client, Connection, Listener
-from pathlib import Path
+from multiprocessing import connection as connections
+from multiprocessing.connection import Connection, Pipe
+from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
-import persfs_cl
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
 from persfs_cl.errors import DeviceError, InputError, PersfsError
-from persfs_cl.pipeline.station import Outcome, Station, Task
+from persfs_cl.pipeline.health import trouble
+from persfs_cl.pipeline.station import Station, Task
 from persfs_cl.pipeline.store import Store
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import Saving
 from persfs_cl.told import listen
+from persfs_cl.wording import brief
 
-_PATIENCE = 60.0
-"""Seconds in which a process must have begun to speak."""
+_LAST_WORDS = 10.0
+"""Seconds in which a process must have ended that has nothing to do any more: drivers may hang in that."""
+_START = "import sys; sys.path[:] = sys.argv[2:]; from persfs_cl.pipeline.workers import main; main(int(sys.argv[1]))"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,9 @@ class Setting:
 class Worker:
     """A process with its device, seen from its parent.
 
+    It looks for modules where its parent does, so that a light of the parent's own is found, and nothing that lies in
+    the working directory by chance.
+
     Parameters
     ----------
     setting : Setting
@@ -75,34 +80,42 @@ class Worker:
     ----------
     connection : Connection
         Gives what the process says: ("ready", name of the device), ("refused", error), or ("outcome", Outcome).
+
+    Raises
+    ------
+    InputError
+        When the setting has something in it that cannot be sent.
+    DeviceError
+        When the system starts no process.
     """
 
     def __init__(self, setting: Setting, inherited: Sequence[int] = ()) -> None:
-        key = secrets.token_bytes(32)
-        kept = {"pass_fds": tuple(inherited)} if os.name == "posix" else {}
-        places = [str(Path(persfs_cl.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
-        with Listener(authkey=key) as listener:
+        said = _pickled(setting)
+        self.connection, theirs = Pipe()
+        number = theirs.fileno()
+        if os.name == "nt":
+            os.set_handle_inheritable(number, True)  # type: ignore[attr-defined] # Windows only
+            kept: dict[str, Any] = {"close_fds": False}
+        else:
+            kept = {"pass_fds": (number, *inherited)}
+        try:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", "from persfs_cl.pipeline.workers import main; main()"],
-                stdin=subprocess.PIPE,
+                [sys.executable, "-c", _START, str(number), *map(str, sys.path)],
+                stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 # Ctrl-C is for the parent, who says what becomes of it.
                 start_new_session=True,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, places))},
-                **kept,  # type: ignore[call-overload]
+                **kept,
             )
-            assert self._process.stdin is not None  # noqa: S101 - for the type checker
-            with self._process.stdin as first:
-                address = listener.address
-                first.write(f"{address if isinstance(address, str) else address[1]}\n{key.hex()}\n".encode())
-            self.connection = _accepted(listener, self._process)
-        self.connection.send(setting)
-
-    @property
-    def returncode(self) -> int | None:
-        """As for :class:`subprocess.Popen`."""
-        status: int | None = self._process.poll()
-        return status
+        except OSError as error:
+            self.connection.close()
+            raise DeviceError(
+                f"A process for a device cannot be started ({error}): end others, or free some memory."
+            ) from error
+        finally:
+            theirs.close()  # so that the end of the process is the end of what it says
+        with suppress(OSError):  # it has ended, which will be heard
+            self.connection.send_bytes(said)
 
     def add(self, task: Task) -> None:
         """Have a task done."""
@@ -122,49 +135,58 @@ class Worker:
 
     def close(self) -> int:
         """Wait for the end, and say how it was: 0, a status, or less the number of a signal."""
+        for _ in range(2):
+            try:
+                self._process.wait(_LAST_WORDS)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
         self.connection.close()
-        status: int = self._process.wait()
-        return status
+        # What the driver does not let go will be gone when it does.
+        return -int(signal.SIGTERM) if self._process.returncode is None else self._process.returncode
 
     def _say(self, word: str) -> None:
         with suppress(OSError):  # it has ended
             self.connection.send((word, None))
 
 
-def main() -> None:
-    """Work for the parent that says on standard input where it listens."""
-    for number in (signal.SIGINT, signal.SIGHUP) if os.name == "posix" else ():
-        signal.signal(number, signal.SIG_IGN)
-    address, key = sys.stdin.readline().strip(), bytes.fromhex(sys.stdin.readline().strip())
-    connection = Client(("localhost", int(address)) if address.isdecimal() else address, authkey=key)
+def main(number: int) -> None:
+    """Work for the parent at the other end of a pipe that this process was given under a number."""
+    # Whoever ends everything at once, as schedulers do, ends the parent too, who says what becomes of the photos.
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ():
+        signal.signal(ending, signal.SIG_IGN)
+    if os.name != "nt":
+        os.set_inheritable(number, False)  # drivers start compilers
+    # Typed for one system only.
+    connection = getattr(connections, "PipeConnection" if os.name == "nt" else "Connection")(number)
+    speaking = threading.Lock()
+
+    def say(kind: str, about: Any) -> None:
+        data = _pickled((kind, about))
+        try:
+            with speaking:
+                connection.send_bytes(data)
+        except OSError:
+            os._exit(1)  # nobody is there any more
+
+    listen()
     try:
         setting: Setting = connection.recv()
+        device = select_device(setting.device)
+        device.real(setting.options["precision"])
+        if error := trouble(device, setting.options):
+            raise error
+    except EOFError:
+        return
+    except PersfsError as error:
+        say("refused", error)
+        return
     except (AttributeError, ImportError) as error:
         unknown = InputError(
             f"A process for a device does not know a light or a material ({error}): define its class in a module that "
             "can be imported, not in the script or notebook itself."
         )
-        connection.send(("refused", unknown))
+        say("refused", unknown)
         return
-    listen()
-    try:
-        device = select_device(setting.device)
-        device.real(setting.options["precision"])
-    except PersfsError as error:
-        connection.send(("refused", error))
-        return
-    speaking = threading.Lock()
-
-    def say(kind: str, about: Any) -> None:
-        with speaking:
-            connection.send((kind, about))
-
-    def put(outcome: Outcome) -> None:
-        try:
-            say("outcome", outcome)
-        except OSError:
-            os._exit(1)  # nobody is there any more
-
     say("ready", str(device))
     with ExitStack() as open_things:
         try:
@@ -178,7 +200,7 @@ def main() -> None:
             saving=setting.saving,
             options=setting.options,
             memory=setting.memory,
-            put=put,
+            put=lambda outcome: say("outcome", outcome),
             solutions=setting.solutions,
             readers=setting.threads,
             writers=setting.threads,
@@ -202,26 +224,23 @@ def _listen(connection: Connection[Any, Any], station: Station, ended: threading
             station.stop()
         else:
             ended.set()
+            return  # the parent may leave before this process has cleaned up
 
 
-def _accepted(listener: Listener, process: subprocess.Popen[bytes]) -> Connection[Any, Any]:
-    """The connection of a process that has just begun, or an error when it ends instead."""
-    found: list[Connection[Any, Any]] = []
+def _pickled(value: Any) -> Any:
+    """Bytes to be sent.
 
-    def accept() -> None:
-        with suppress(OSError, EOFError):
-            found.append(listener.accept())
-
-    thread = threading.Thread(target=accept, daemon=True)
-    thread.start()
-    for _ in range(int(_PATIENCE / 0.05)):
-        thread.join(0.05)
-        if found:
-            return found[0]
-        if process.poll() is not None:
-            break
-    process.kill()
-    raise DeviceError(
-        f"A process for a device did not begin (status {process.wait()}): see what it wrote to standard error, and "
-        "free some memory if it wrote nothing."
-    )
+    Raises
+    ------
+    InputError
+        When something in it cannot be pickled.
+    """
+    try:
+        return ForkingPickler.dumps(value)
+    except MemoryError:
+        raise
+    except Exception as error:  # an object may raise anything
+        raise InputError(
+            f"Something cannot be sent to the process of a device ({brief(error)}): give lights and materials whose "
+            "classes are defined at the top of a module."
+        ) from error

@@ -1,0 +1,250 @@
+"""How devices share tasks, and who is to blame when one of them fails: with processes that only pretend."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, Pipe
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from batches import PLAN
+
+import persfs_cl as ps
+from persfs_cl.pipeline import crew as crews
+from persfs_cl.pipeline.batch import crew_settings
+from persfs_cl.pipeline.crew import Crew
+from persfs_cl.pipeline.listing import Input
+from persfs_cl.pipeline.manifest import Record
+from persfs_cl.pipeline.station import End, Outcome, Task
+from persfs_cl.pipeline.workers import Setting
+
+
+@dataclass
+class Devices:
+    """What devices do, by their number.
+
+    Attributes
+    ----------
+    kills, refuses : mapping of int to names
+        Photos that end the process, or cannot be done by this device.
+    dies_after, breaks_after : mapping of int to int
+        So many photos are done; from then on its processes end, or it can do nothing.
+    absent : set of int
+        Devices that are not there at all.
+    """
+
+    kills: dict[int, Collection[str]] = field(default_factory=dict)
+    refuses: dict[int, Collection[str]] = field(default_factory=dict)
+    dies_after: dict[int, int] = field(default_factory=dict)
+    breaks_after: dict[int, int] = field(default_factory=dict)
+    absent: set[int] = field(default_factory=set)
+    did: dict[int, list[str]] = field(default_factory=lambda: {0: [], 1: []})
+    started: dict[int, int] = field(default_factory=lambda: {0: 0, 1: 0})
+    stopped: bool = False
+
+    def end_of(self, number: int, name: str) -> End | None:
+        """None where the process ends."""
+        done = len(self.did[number])
+        if name in self.kills.get(number, ()) or done >= self.dies_after.get(number, done + 1):
+            return None
+        if done >= self.breaks_after.get(number, done + 1):
+            return "device"
+        if name in self.refuses.get(number, ()):
+            return "unfit"
+        if self.stopped:
+            return "dropped"
+        self.did[number].append(name)
+        return "done"
+
+    def broken(self, number: int) -> bool:
+        done = len(self.did[number])
+        return number in self.absent or done >= self.breaks_after.get(number, done + 1)
+
+
+class Worker:
+    """As :class:`persfs_cl.pipeline.workers.Worker`, with a thread in place of a process."""
+
+    devices: Devices
+
+    def __init__(self, setting: Setting, _inherited: object) -> None:
+        self._number = cast("int", setting.device)
+        self.connection, self._end = Pipe()
+        self.devices.started[self._number] += 1
+        self._status = 0
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def _work(self) -> None:
+        with suppress(EOFError, OSError), self._end as parent:
+            if self.devices.broken(self._number):
+                parent.send(("refused", ps.DeviceError("It is broken.")))
+                return
+            parent.send(("ready", f"device {self._number}"))
+            self._do(parent)
+
+    def _do(self, parent: Connection[Any, Any]) -> None:
+        while True:
+            word, task = parent.recv()
+            if word == "stop":
+                self.devices.stopped = True
+            if word != "task":
+                continue
+            end = self.devices.end_of(self._number, task.name)
+            if end is None:
+                self._status = -9
+                return
+            error = None if end == "done" else ps.DeviceError(f"{task.name} does not fit.")
+            record = Record(name=task.name, path="", status="done" if end == "done" else "failed")
+            parent.send(("outcome", Outcome(task.number, end, record, error)))
+
+    def add(self, task: Task) -> None:
+        self.connection.send(("task", task))
+
+    def stop(self) -> None:
+        with suppress(OSError):
+            self.connection.send(("stop", None))
+
+    def finish(self) -> None:
+        with suppress(OSError):
+            self.connection.send(("finish", None))
+
+    def kill(self) -> None:
+        self._status = self._status or -9
+
+    def close(self) -> int:
+        self.connection.close()
+        return self._status
+
+
+@dataclass
+class Result:
+    done: list[str]
+    failed: dict[str, str]
+    dropped: list[str]
+
+
+@pytest.fixture(autouse=True)
+def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crews, "Worker", Worker)
+    monkeypatch.setattr(crews, "_AHEAD", 16)
+
+
+def share(
+    devices: Devices,
+    names: Collection[str],
+    count: int = 2,
+    interrupted: Callable[[], bool] = lambda: False,
+    result: Result | None = None,
+) -> Result:
+    Worker.devices = devices
+    result = Result([], {}, []) if result is None else result
+    for outcome in Crew(crew_settings(PLAN, None, list(range(count)), None)).outcomes(tasks(names), interrupted):
+        if outcome.end == "done":
+            result.done.append(outcome.record.name)
+        elif outcome.end == "failed":
+            result.failed[outcome.record.name] = str(outcome.error)
+        else:
+            result.dropped.append(outcome.record.name)
+    result.done.sort()
+    return result
+
+
+def tasks(names: Collection[str]) -> Iterator[Task]:
+    for number, name in enumerate(names):
+        yield Task(number, name, PLAN.job(Input(Path(name), name)), "")
+
+
+NAMES = [f"{number:03}" for number in range(600)]
+
+
+def test_devices_share_the_work() -> None:
+    devices = Devices()
+    assert share(devices, NAMES).done == NAMES
+    assert min(map(len, devices.did.values())) > 100
+    assert devices.started == {0: 1, 1: 1}
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_photo_that_ends_every_process_is_to_blame(count: int) -> None:
+    devices = Devices(kills={0: ["100"], 1: ["100"]})
+    result = share(devices, NAMES, count)
+    assert list(result.failed) == ["100"]
+    assert "the process that solved it ended twice (signal 9)" in result.failed["100"]
+    assert result.done == [name for name in NAMES if name != "100"]
+    assert sum(len(done) for done in devices.did.values()) == len(NAMES) - 1
+
+
+def test_so_are_several_of_them_one_after_the_other() -> None:
+    devices = Devices(kills={0: NAMES[300:303]})
+    result = share(devices, NAMES, 1)
+    assert (sorted(result.failed), len(result.done)) == (NAMES[300:303], 597)
+
+
+def test_a_photo_alone_that_ends_processes_is_to_blame_too() -> None:
+    result = share(Devices(kills={0: ["a"]}), ["a"], 1)
+    assert list(result.failed) == ["a"]
+
+
+@pytest.mark.parametrize("kind", ["kills", "refuses"])
+def test_what_one_device_cannot_do_another_does(kind: str) -> None:
+    devices = Devices(**{kind: {0: NAMES[::100]}})
+    assert share(devices, NAMES) == Result(NAMES, {}, [])
+    assert not set(NAMES[::100]) & set(devices.did[0])
+
+
+def test_photos_that_no_device_can_do_fail_with_its_reason_and_cost_no_process() -> None:
+    devices = Devices(refuses={0: NAMES[:20], 1: NAMES[:20]})
+    result = share(devices, NAMES)
+    assert result.failed == {name: f"{name} does not fit." for name in NAMES[:20]}
+    assert result.done == NAMES[20:]
+    assert devices.started == {0: 1, 1: 1}
+
+
+@pytest.mark.parametrize(
+    ("way", "why"), [("dies_after", "Its processes ended, the last with signal 9"), ("breaks_after", "It is broken")]
+)
+def test_a_device_that_fails_midway_leaves_its_photos_to_the_other(way: str, why: str) -> None:
+    devices = Devices(**{way: {0: 50}})
+    with pytest.warns(ps.errors.PersfsWarning, match=f"device 0 is not used any more. {why}"):
+        result = share(devices, NAMES)
+    assert result == Result(NAMES, {}, [])
+    assert devices.did[0] == devices.did[0][:50]
+    assert devices.started[0] <= 4
+
+
+@pytest.mark.parametrize("way", ["dies_after", "breaks_after"])
+def test_when_all_devices_fail_no_photo_is_blamed(way: str) -> None:
+    devices = Devices(**{way: {0: 50, 1: 70}})
+    result = Result([], {}, [])
+    with (
+        pytest.warns(ps.errors.PersfsWarning, match="is not used any more"),
+        pytest.raises(ps.DeviceError, match=r"No device is left, and at least \d+ photos are not done: the same"),
+    ):
+        share(devices, NAMES, result=result)
+    assert result.failed == {}
+    assert len(result.done) == 120
+
+
+def test_a_device_that_is_not_there_leaves_all_to_the_other() -> None:
+    devices = Devices(absent={1})
+    with pytest.warns(ps.errors.PersfsWarning, match="Device 1 is not used any more. It is broken."):
+        assert share(devices, NAMES).done == NAMES
+    assert devices.did[1] == []
+    with (
+        pytest.warns(ps.errors.PersfsWarning, match="is not used any more"),
+        pytest.raises(ps.DeviceError, match="It is broken"),
+    ):
+        share(Devices(absent={0, 1}), NAMES)
+    assert share(Devices(absent={0, 1}), []) == Result([], {}, [])
+
+
+def test_an_interrupt_drops_what_is_in_hand_and_takes_no_more() -> None:
+    devices = Devices(kills={0: ["003"]})
+    asked = iter([False, False, False])
+    result = share(devices, NAMES, 2, lambda: next(asked, True))
+    assert result.failed == {}
+    assert result.done == sorted(devices.did[0] + devices.did[1])
+    assert len({*result.done, *result.dropped}) == len(result.done) + len(result.dropped) <= 2 * 16 + 3
