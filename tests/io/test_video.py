@@ -6,13 +6,14 @@ import importlib.util
 import struct
 import threading
 from collections.abc import Iterator
-from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from videos import make_video
 
 from persfs_cl.errors import InputError
 from persfs_cl.io import video
@@ -22,28 +23,12 @@ from persfs_cl.io.video import VideoHeader, close_video, count_frames, frame_sli
 SIZE = (48, 64)
 
 
-def make_video(
-    path: Path, codec: str, pixels: str, *, frames: int = 30, uneven: bool = False
-) -> list[NDArray[np.uint8]]:
-    """A video with a B-frame here and there, and what its frames decode to, one after the other."""
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=Fraction(30000, 1001))
-        stream.height, stream.width = SIZE
-        stream.pix_fmt = pixels
-        stream.codec_context.gop_size = 6
-        time = 0
-        for number in range(frames):
-            samples = np.full((*SIZE, 3), 20 + 7 * number, np.uint8)
-            samples[:24, :32] = 255 - 5 * number
-            frame = av.VideoFrame.from_ndarray(samples).reformat(format=pixels)
-            if uneven:
-                stream.codec_context.time_base = frame.time_base = Fraction(1, 1000)
-                frame.pts = time
-                time += 20 + 13 * (number % 5)
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
-    with av.open(str(path)) as container:
-        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+def numbered(count: int) -> Iterator[NDArray[np.uint8]]:
+    """Frames that differ from each other in all their pixels."""
+    for number in range(count):
+        samples = np.full((*SIZE, 3), 20 + 7 * number, np.uint8)
+        samples[:24, :32] = 255 - 5 * number
+        yield samples
 
 
 @pytest.fixture(autouse=True)
@@ -64,7 +49,7 @@ def closed() -> Iterator[None]:
 )
 def test_each_frame_in_any_order(tmp_path: Path, name: str, codec: str, pixels: str, uneven: bool) -> None:
     path = tmp_path / name
-    frames = make_video(path, codec, pixels, uneven=uneven)
+    frames = make_video(path, numbered(30), codec=codec, pixels=pixels, uneven=uneven)
     assert count_frames(path) == len(frames) == 30
     # Forward with gaps, back, and the last.
     for number in (0, 1, 2, 7, 8, 20, 19, 3, 29):
@@ -73,10 +58,9 @@ def test_each_frame_in_any_order(tmp_path: Path, name: str, codec: str, pixels: 
 
 def test_frames_without_loss_are_photos(tmp_path: Path) -> None:
     path = tmp_path / "a.mkv"
-    make_video(path, "ffv1", "bgr0", frames=5)
+    make_video(path, numbered(5))
     photo = read_frame(path, 3, channel="red")
-    expected = np.full(SIZE, 20 + 7 * 3, np.uint8)
-    expected[:24, :32] = 255 - 5 * 3
+    expected = list(numbered(4))[3][..., 0]
     np.testing.assert_array_equal(photo.largest_sample, expected)
     np.testing.assert_array_equal(photo.image, photo.linear(expected))
     assert (photo.bits, photo.encoding, photo.channel, photo.mask, photo.path) == (8, "srgb", "red", None, path)
@@ -84,7 +68,7 @@ def test_frames_without_loss_are_photos(tmp_path: Path) -> None:
 
 def test_frames_are_turned_upright(tmp_path: Path) -> None:
     path = tmp_path / "a.mov"
-    (frame,) = make_video(path, "mjpeg", "yuvj420p", frames=1)
+    (frame,) = make_video(path, numbered(1), codec="mjpeg", pixels="yuvj420p")
     data = bytearray(path.read_bytes())
     # The matrix of the track header: 90 degrees clockwise, as telephones write it.
     place = data.index(b"tkhd") + 4 + 40
@@ -97,10 +81,15 @@ def test_frames_are_turned_upright(tmp_path: Path) -> None:
 
 def test_a_video_stays_open_for_its_thread_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.mkv"
-    frames = make_video(path, "ffv1", "bgr0", frames=6)
+    frames = make_video(path, numbered(6))
     opened: list[Path] = []
     header = video.read_video_header
-    monkeypatch.setattr(video, "read_video_header", lambda path: (opened.append(path), header(path))[1])
+
+    def counted(path: Path) -> VideoHeader:
+        opened.append(path)
+        return header(path)
+
+    monkeypatch.setattr(video, "read_video_header", counted)
     for number in (0, 2, 5):
         read_samples(path, number)
     assert len(opened) == 1
@@ -114,7 +103,7 @@ def test_a_video_stays_open_for_its_thread_alone(tmp_path: Path, monkeypatch: py
     assert len(opened) == 3
     # Another file of that name is another video.
     other = tmp_path / "b.mkv"
-    others = make_video(other, "libx264", "yuv420p", frames=9)
+    others = make_video(other, numbered(9), codec="libx264", pixels="yuv420p")
     other.replace(path)
     np.testing.assert_array_equal(read_samples(path, 8), others[8])
 
@@ -123,7 +112,7 @@ def test_what_is_no_video_or_no_frame_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "a.mp4"
-    make_video(path, "mpeg4", "yuv420p", frames=3)
+    make_video(path, numbered(3), codec="mpeg4", pixels="yuv420p")
     with pytest.raises(InputError, match=r"a\.mp4 has no frame 3 that can be read, of 3: choose another"):
         read_frame(path, 3)
     with pytest.raises(InputError, match="frame=-1 is not possible"):
@@ -141,7 +130,7 @@ def test_what_is_no_video_or_no_frame_is_named(
             with pytest.raises(InputError, match=said):
                 ask(tmp_path / name)
     with av.open(str(tmp_path / "sound.mp4"), "w") as container:
-        stream = container.add_stream("aac", rate=8000)
+        stream: Any = container.add_stream("aac", rate=8000)
         sound = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
         sound.sample_rate = 8000
         container.mux(stream.encode(sound))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 import tifffile
 from PIL import ExifTags, Image
 from samples import random_samples, save
+from videos import make_video
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import PersfsError
@@ -48,7 +48,8 @@ def test_size_bits_and_camera_are_those_that_reading_finds(tmp_path: Path, name:
         save(path, random_samples(channels, 16 if "16" in name else 8, SHAPE))
     job = Job(path, CAMERA, Brightness())
     looked, read = look(job), read_job(job)
-    assert looked == Looked(SHAPE, read.photo.bits, read.camera, read.source, pytest.approx(50.0), False)
+    assert looked == Looked(SHAPE, read.photo.bits, read.camera, read.source, looked.horizontal_view, False)
+    assert looked.horizontal_view == pytest.approx(50.0)
     assert looked.megapixels == pytest.approx(48 * 64 / 1e6)
 
 
@@ -137,12 +138,7 @@ def test_a_camera_that_no_lens_has_is_named_with_its_photo(tmp_path: Path) -> No
 
 def test_a_frame_of_a_video(tmp_path: Path) -> None:
     path = tmp_path / "a.mkv"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("ffv1", rate=25)
-        stream.height, stream.width, stream.pix_fmt = *SHAPE, "bgr0"
-        samples = random_samples(3, 8, SHAPE)
-        container.mux(stream.encode(av.VideoFrame.from_ndarray(samples).reformat(format="bgr0")))
-        container.mux(stream.encode())
+    make_video(path, [random_samples(3, 8, SHAPE)])
     looked = look(Job(path, CAMERA, Brightness(), frame=0))
     assert (looked.size, looked.bits) == (SHAPE, 8)
     with pytest.raises(PersfsError, match=r"a\.mkv has no frame 1, of 1: choose another"):

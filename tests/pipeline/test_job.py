@@ -8,10 +8,10 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from PIL import Image
+from videos import make_video
 
 import persfs_cl as ps
 from persfs_cl.io.export import write_grey
@@ -90,13 +90,8 @@ def test_a_camera_is_chosen_by_view_then_focal_length_then_exif(photo: Path) -> 
 def test_a_frame_of_a_video_is_a_photo_like_any_other(photo: Path) -> None:
     path = photo.with_name("clip.mkv")
     grey = np.rint(255 * SCENE.image).astype(np.uint8)
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("ffv1", rate=25)
-        stream.height, stream.width, stream.pix_fmt = *grey.shape, "bgr0"
-        for number in range(3):
-            samples = np.repeat((grey if number else np.zeros_like(grey))[..., None], 3, axis=2)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(samples).reformat(format="bgr0")))
-        container.mux(stream.encode())
+    samples = np.repeat(grey[..., None], 3, axis=2)
+    make_video(path, [np.zeros_like(samples), samples, samples])
     still = photo.with_name("still.png")
     Image.fromarray(grey).save(still)
     solved = solve_photo(Job(path, CAMERA, Brightness(), frame=1))
