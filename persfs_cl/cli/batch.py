@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from click import get_current_context
 
 from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.cli.brightness import chosen_brightness
@@ -51,6 +50,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     keywords=chosen_keywords,
 )
 def batch(
+    ctx: typer.Context,
     paths: Annotated[
         list[str],
         typer.Argument(
@@ -184,7 +184,7 @@ def batch(
         raise typer.BadParameter(f"{root} is a file: name a folder.", param_hint="'--output' / '-o'")
     listing = list_inputs(paths, output=root, masks=masks, frames=frames)
     whole = Batch(listing, plan, store, again=again, shard=share)
-    spell = spelling(get_current_context().command.params)
+    spell = spelling(ctx.command.params)
     if dry_run:
         _look(whole, spell)
         return

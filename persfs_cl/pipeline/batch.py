@@ -169,7 +169,7 @@ class Batch:
 
     def pending(self) -> Iterator[Task | BatchResult]:
         """What would be done, and the photos that nobody would be called for. Writes nothing."""
-        for task in self._tasks(None):
+        for task in self._tasks(None, lambda: False):
             yield from self._noted(None)
             yield task
         yield from self._noted(None)

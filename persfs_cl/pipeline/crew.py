@@ -269,7 +269,9 @@ class Crew:
             # Where nobody else failed, it was to blame, and the others need not be careful.
             own = self._tried[task.number] == {member}
             (self._fresh if own else self._again).append(replace(task, attempts=0) if own else task)
-        warn(f"{member.title} is not used any more. {why}")
+        member.deaths = _DEATHS
+        if any(other.deaths < _DEATHS for other in self._members):  # or else an error says so
+            warn(f"{member.title} is not used any more. {why}")
 
     def _nobody(self, left: int) -> DeviceError:
         refusal = next((member.refusal for member in self._members if member.refusal), None)

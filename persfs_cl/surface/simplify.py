@@ -97,8 +97,9 @@ def simplified_mesh(
 
     Notes
     -----
-    From 24 million triangles, of 12 megapixels, to 500,000 takes 9 s of one core of an AMD EPYC (Zen 3) and 0.8 GB besides
-    the depth; to make them all, and write them as PLY, takes 10 s and 2.2 GB, for a file of 504 MB instead of 10 MB.
+    From 24 million triangles, of 12 megapixels, to 500,000 takes 9 s of one core of an AMD EPYC (Zen 3) and 0.8 GB
+    besides the depth; to make them all, and write them as PLY, takes 10 s
+    and 2.2 GB, for a file of 504 MB instead of 10 MB.
     """
     import trimesh
 

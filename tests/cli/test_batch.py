@@ -149,5 +149,6 @@ def test_shares_together_do_all(photos: Path, tmp_path: Path) -> None:
         assert outcome.status == 0
         lines += outcome.stdout.splitlines()
     assert sorted(lines) == [str(tmp_path / "out" / name) for name in ("a.png", "b.png", "deep/a.png")]
-    records = [json.loads(line) for file in (tmp_path / "out/manifest").glob("*.jsonl") for line in file.open()]
+    files = sorted((tmp_path / "out/manifest").glob("*.jsonl"))
+    records = [json.loads(line) for file in files for line in file.read_text(encoding="utf-8").splitlines()]
     assert sorted(record["name"] for record in records) == ["a.png", "b.png", "deep/a.png"]
