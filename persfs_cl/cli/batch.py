@@ -18,11 +18,10 @@ from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import InputError
-from persfs_cl.pipeline.batch import Again, Batch, as_shard, chosen_devices, crew_settings
+from persfs_cl.pipeline.batch import Again, Batch, as_shard, workforce
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard
-from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish
@@ -128,6 +127,14 @@ def batch(
             rich_help_panel=_WORK,
         ),
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Have it done by the workers of this scheduler of Dask, those with the resource 'device'.",
+            rich_help_panel=_WORK,
+        ),
+    ] = None,
     memory: Annotated[
         str | None,
         typer.Option(
@@ -179,13 +186,13 @@ def batch(
     if root is not None and root.exists() and not root.is_dir():
         raise typer.BadParameter(f"{root} is a file: name a folder.", param_hint="'--output' / '-o'")
     listing = list_inputs(paths, output=root, masks=masks, frames=frames)
-    workers = crew_settings(plan, store, chosen_devices(keywords["device"]), room)
+    workers = workforce(plan, store, keywords["device"], room, scheduler)
     whole = Batch(listing, plan, store, again=again, shard=share)
     tally = Tally()
     with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
         interrupted()
         with progress_bar(whole, tally) as show:
-            for result in whole.results(lambda held: Crew(workers, held), interrupted):
+            for result in whole.results(workers, interrupted):
                 tally.add(result)
                 if result.error is None and root is not None:
                     typer.echo(root / result.name)

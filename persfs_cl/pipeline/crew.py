@@ -94,7 +94,7 @@ class Crew:
                     stopping = True
                     source = iter(())
                     for task in self._again:
-                        yield _dropped(task)
+                        yield dropped(task)
                     self._again.clear()
                     for member in self._living():
                         member.worker.stop()  # type: ignore[union-attr] # it lives
@@ -196,7 +196,7 @@ class Crew:
         for task in member.tasks.values():
             self._tried[task.number].add(member)
             if stopping:
-                yield _dropped(task)
+                yield dropped(task)
             elif self._is_to_blame(task):
                 yield _killed(task, status)
             else:
@@ -232,7 +232,8 @@ def _first(source: Iterator[Task]) -> list[Task]:
     return list(islice(source, 1))
 
 
-def _failed(task: Task, error: PersfsError) -> Record:
+def failed(task: Task, error: PersfsError) -> Record:
+    """The record of a task that nobody came to solve, or that ended who did."""
     return Record(
         name=task.name,
         path=str(task.job.path),
@@ -249,9 +250,10 @@ def _killed(task: Task, status: int) -> Outcome:
         f"{task.job.title}: the process that solved it ended twice ({how}), the second time with nothing else to do. "
         "The driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
     )
-    return Outcome(task.number, "failed", _failed(task, error), error)
+    return Outcome(task.number, "failed", failed(task, error), error)
 
 
-def _dropped(task: Task) -> Outcome:
+def dropped(task: Task) -> Outcome:
+    """The outcome of a task that was not finished."""
     error = InputError(f"{task.job.title} was not finished, because an end was asked for.")
-    return Outcome(task.number, "dropped", _failed(task, error), error)
+    return Outcome(task.number, "dropped", failed(task, error), error)

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
@@ -78,6 +78,10 @@ class Store(ABC):
         """A function that gives the record of a result that is there, and complete, by its name."""
 
     @abstractmethod
+    def records(self, names: Sequence[str]) -> dict[str, Record]:
+        """The records of some results, of those that are there and complete: a few of many."""
+
+    @abstractmethod
     def journal(self) -> Journal:
         """A new file of the manifest."""
 
@@ -120,6 +124,11 @@ class FolderStore(Store):
                 return None
 
         return find
+
+    def records(self, names: Sequence[str]) -> dict[str, Record]:
+        """See :class:`Store`."""
+        find = self.finder()
+        return {name: record for name in names if (record := find(name)) is not None}
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
@@ -228,6 +237,14 @@ class RemoteStore(Store):
             return Record.read(system.cat_file(place)) if place in there else None
 
         return find
+
+    def records(self, names: Sequence[str]) -> dict[str, Record]:
+        """See :class:`Store`."""
+        system, root = self._place()
+        # All at once where the protocol can, and without a meaning for brackets and stars in names.
+        found = system.cat_ranges([f"{root}/{name}/{RECORD}" for name in names], None, None, on_error="return")
+        read = {name: Record.read(data) for name, data in zip(names, found, strict=True) if isinstance(data, bytes)}
+        return {name: record for name, record in read.items() if record is not None}
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
