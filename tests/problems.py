@@ -60,7 +60,7 @@ By all orderings in the same one, so that tests share programs. Those under a pa
 
 def in_turn(parameters: Mapping[str, Any]) -> bool:
     """Whether a test of these parameters, `name` and `precision`, is a quick one."""
-    return PRECISION_IN_TURN.get(parameters["name"], parameters["precision"]) == parameters["precision"]
+    return bool(PRECISION_IN_TURN.get(parameters["name"], parameters["precision"]) == parameters["precision"])
 
 
 def random_problem(

@@ -18,11 +18,10 @@ from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, spelling
 from persfs_cl.errors import InputError, PersfsError, Worded
-from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, chosen_devices, crew_settings
+from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, workforce
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard
-from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.headers import look
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
@@ -132,6 +131,14 @@ def batch(
             rich_help_panel=_WORK,
         ),
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Have it done by the workers of this scheduler of Dask, those with the resource 'device'.",
+            rich_help_panel=_WORK,
+        ),
+    ] = None,
     memory: Annotated[
         str | None,
         typer.Option(
@@ -188,12 +195,12 @@ def batch(
     if dry_run:
         _look(whole, spell)
         return
-    workers = crew_settings(plan, store, chosen_devices(keywords["device"]), room)
+    workers = workforce(plan, store, keywords["device"], room, scheduler)
     tally = Tally(spell)
     with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
         interrupted()
         with progress_bar(whole, tally) as show:
-            for result in whole.results(lambda held: Crew(workers, held), interrupted):
+            for result in whole.results(workers, interrupted):
                 tally.add(result)
                 if result.error is None and root is not None:
                     typer.echo(root / result.name)

@@ -19,11 +19,12 @@ from persfs_cl.io.limits import memory
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
+from persfs_cl.pipeline.cluster import Cluster
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
 from persfs_cl.pipeline.optics import CameraChoice
-from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan, input_hash, stamps
+from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan, is_the_same
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import FolderStore, Journal, Results, Store, store_for
 from persfs_cl.pipeline.workers import Setting
@@ -230,7 +231,7 @@ class Batch:
     def _is_as_wanted(self, task: Task, before: Known | None) -> bool:
         if before is None or before.status != "done":
             return False
-        return self._again == "none" or _is_the_same(task, before)
+        return self._again == "none" or is_the_same(task.job, task.parameter_hash, before)
 
     def _is_adopted(self, task: Task, before: Known | None, there: Results | None, journal: Journal | None) -> bool:
         """Whether there is a result that its run could not note any more: it is noted now."""
@@ -272,6 +273,7 @@ def batch(
     shard: Shard | None = None,
     max_memory: int | None = None,
     device: int | str | Device | Sequence[int | str | Device] | None = None,
+    scheduler: str | None = None,
     **keywords: Any,
 ) -> Iterator[BatchResult]:
     """Reconstruct any number of photographs, in processes of their own, one for each device.
@@ -306,6 +308,9 @@ def batch(
         Bytes that the photographs in work may take; half of the memory when not given.
     device : optional
         As for :func:`reconstruct`, or several in a list, or "all".
+    scheduler : str, optional
+        The address of a scheduler of Dask, or the path of its file: its workers do the photographs, each that has the
+        resource "device". Then `device` and `max_memory` are for each of them, and an output is needed.
     **keywords
         Those of :func:`reconstruct`, and those by which a photograph becomes an image: ``channel``, ``encoding``,
         ``ambient``, ``vignetting``, ``highlights``, ``saturation``, ``clip_highlights``, ``mean_filter``,
@@ -319,10 +324,12 @@ def batch(
     Raises
     ------
     InputError
-        When an option cannot be used, nothing is given, or another run is at work on the output. A photograph that
-        cannot be used is a result with an error.
+        When an option cannot be used, nothing is given, another run is at work on the output, or the scheduler does
+        not answer. A photograph that cannot be used is a result with an error.
     DeviceError
         When no device can be used.
+    UnavailableError
+        When a scheduler is given, and Dask is not installed.
 
     Examples
     --------
@@ -363,8 +370,44 @@ def batch(
     root = store.root if isinstance(store, FolderStore) else None
     listing = list_inputs(inputs, output=root, masks=plan.masks, frames=frames)
     whole = Batch(listing, plan, store, again=again, shard=as_shard(shard))
-    chosen = chosen_devices(device)
-    return whole.results(lambda held: Crew(crew_settings(plan, store, chosen, max_memory), held))
+    return whole.results(workforce(plan, store, device, max_memory, scheduler))
+
+
+def workforce(
+    plan: Plan,
+    store: Store | None,
+    device: int | str | Device | Sequence[int | str | Device] | None,
+    max_memory: int | None,
+    scheduler: str | None = None,
+) -> Callable[[Sequence[int]], Workforce]:
+    """Who does the tasks of a batch, as :meth:`Batch.results` wants it.
+
+    Parameters
+    ----------
+    plan : Plan
+    store : Store or None
+    device, max_memory, scheduler
+        As for :func:`batch`.
+
+    Raises
+    ------
+    InputError
+        When an option or `max_memory` is impossible.
+    DeviceError
+        When all devices are wanted and there is none.
+    UnavailableError
+        When Dask is wanted and is not installed.
+    """
+    if scheduler is None:
+        settings = crew_settings(plan, store, chosen_devices(device), max_memory)
+        return lambda held: Crew(settings, held)
+    if device == ALL or isinstance(device, (list, tuple)):
+        raise InputError.about(
+            "device", device, "means several, and a worker has one: start a worker for each device, and leave it out."
+        )
+    (setting,) = crew_settings(plan, store, chosen_devices(device), max_memory)
+    cluster = Cluster(scheduler, setting, None if max_memory is None else setting.memory)
+    return lambda _: cluster
 
 
 def crew_settings(
@@ -429,17 +472,6 @@ def as_shard(given: Any) -> Shard | None:
         ) from None
     count = as_whole_number("shard", count, least=1)
     return as_whole_number("shard", number, least=1, most=count), count
-
-
-def _is_the_same(task: Task, before: Known) -> bool:
-    """Whether a result would come out as it is."""
-    if task.parameter_hash != before.parameter_hash:
-        return False
-    try:
-        stamped = stamps(task.job)
-        return stamped == before.stamps or input_hash(task.job, stamped) == before.input_hash
-    except OSError:  # whoever reads it will say so
-        return False
 
 
 def _chained(first: Task, rest: Iterator[Task]) -> Iterator[Task]:

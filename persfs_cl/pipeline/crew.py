@@ -124,7 +124,7 @@ class Crew:
                 if not stopping and interrupted():
                     stopping = True
                     source = iter(())
-                    yield from map(_dropped, self._taken_back())
+                    yield from map(dropped, self._taken_back())
                     for member in self._living():
                         member.worker.stop()  # type: ignore[union-attr] # it lives
                 for member in self._living():
@@ -242,7 +242,7 @@ class Crew:
         tasks = list(member.tasks.values())
         member.tasks.clear()
         if stopping:
-            yield from map(_dropped, tasks)
+            yield from map(dropped, tasks)
             return
         if not member.ready:
             self._fresh.extend(tasks)  # it never looked at them
@@ -301,7 +301,8 @@ def _first(source: Iterator[Task]) -> list[Task]:
     return list(islice(source, 1))
 
 
-def _failed(task: Task, error: PersfsError) -> Record:
+def failed(task: Task, error: PersfsError) -> Record:
+    """The record of a task that nobody came to solve, or that ended who did."""
     return Record(
         name=task.name,
         path=str(task.job.path),
@@ -317,9 +318,10 @@ def _killed(task: Task, status: int) -> Outcome:
         f"{task.job.title}: the process that solved it ended twice ({_ending(status)}), the second time with nothing "
         "else to do. The driver may have crashed, or the memory not sufficed: try another device, or a smaller photo."
     )
-    return Outcome(task.number, "failed", _failed(task, error), error)
+    return Outcome(task.number, "failed", failed(task, error), error)
 
 
-def _dropped(task: Task) -> Outcome:
+def dropped(task: Task) -> Outcome:
+    """The outcome of a task that was not finished."""
     error = InputError(f"{task.job.title} was not finished, because an end was asked for.")
-    return Outcome(task.number, "dropped", _failed(task, error), error)
+    return Outcome(task.number, "dropped", failed(task, error), error)

@@ -14,7 +14,7 @@ from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import CameraTable
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.listing import Input, mask_for
-from persfs_cl.pipeline.manifest import Stamps
+from persfs_cl.pipeline.manifest import Known, Stamps
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
@@ -158,6 +158,26 @@ def input_hash(job: Job, stamped: Stamps) -> str:
     """
     digests = {name: _file_digest(file, stamped[name]) for name, file in sources(job).items()}
     return _digest(json.dumps(digests, sort_keys=True).encode())
+
+
+def is_the_same(job: Job, parameter_hash: str, before: Known) -> bool:
+    """Whether a result would come out as it is.
+
+    Parameters
+    ----------
+    job : Job
+    parameter_hash : str
+        Of the job.
+    before : Known
+        Of the result.
+    """
+    if parameter_hash != before.parameter_hash:
+        return False
+    try:
+        stamped = stamps(job)
+        return stamped == before.stamps or input_hash(job, stamped) == before.input_hash
+    except OSError:  # whoever reads it will say so
+        return False
 
 
 @lru_cache(maxsize=64)

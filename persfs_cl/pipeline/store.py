@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
@@ -89,6 +89,10 @@ class Store(ABC):
         """What is there now."""
 
     @abstractmethod
+    def records(self, names: Sequence[str]) -> dict[str, Record]:
+        """The records of some results, of those that are there and complete: a few of many."""
+
+    @abstractmethod
     def journal(self) -> Journal:
         """A new file of the manifest."""
 
@@ -128,6 +132,11 @@ class FolderStore(Store):
     def results(self) -> Results:
         """See :class:`Store`."""
         return _FolderResults(self.root)
+
+    def records(self, names: Sequence[str]) -> dict[str, Record]:
+        """See :class:`Store`."""
+        find = self.finder()
+        return {name: record for name in names if (record := find(name)) is not None}
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
@@ -255,6 +264,14 @@ class RemoteStore(Store):
             # One listing in place of a question for each photo, which takes as long as a photo does.
             found = system.find(root) if system.exists(root) else []
         return _RemoteResults(self, system, root, {file for file in found if file.endswith(f"/{RECORD}")})
+
+    def records(self, names: Sequence[str]) -> dict[str, Record]:
+        """See :class:`Store`."""
+        system, root = self._place()
+        # All at once where the protocol can, and without a meaning for brackets and stars in names.
+        found = system.cat_ranges([f"{root}/{name}/{RECORD}" for name in names], None, None, on_error="return")
+        read = {name: Record.read(data) for name, data in zip(names, found, strict=True) if isinstance(data, bytes)}
+        return {name: record for name, record in read.items() if record is not None}
 
     def journal(self) -> Journal:
         """See :class:`Store`."""

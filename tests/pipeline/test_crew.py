@@ -190,7 +190,7 @@ def test_a_photo_alone_that_ends_processes_is_to_blame_too() -> None:
 
 @pytest.mark.parametrize("kind", ["kills", "refuses"])
 def test_what_one_device_cannot_do_another_does(kind: str) -> None:
-    devices = Devices(**{kind: {0: NAMES[::100]}})
+    devices = Devices(**cast("Any", {kind: {0: NAMES[::100]}}))
     assert share(devices, NAMES) == Result(NAMES, {}, [])
     assert not set(NAMES[::100]) & set(devices.did[0])
 
@@ -207,7 +207,7 @@ def test_photos_that_no_device_can_do_fail_with_its_reason_and_cost_no_process()
     ("way", "why"), [("dies_after", "Its processes ended, the last with signal 9"), ("breaks_after", "It is broken")]
 )
 def test_a_device_that_fails_midway_leaves_its_photos_to_the_other(way: str, why: str) -> None:
-    devices = Devices(**{way: {0: 50}})
+    devices = Devices(**cast("Any", {way: {0: 50}}))
     with pytest.warns(ps.errors.PersfsWarning, match=f"device 0 is not used any more. {why}"):
         result = share(devices, NAMES)
     assert result == Result(NAMES, {}, [])
@@ -217,7 +217,7 @@ def test_a_device_that_fails_midway_leaves_its_photos_to_the_other(way: str, why
 
 @pytest.mark.parametrize("way", ["dies_after", "breaks_after"])
 def test_when_all_devices_fail_no_photo_is_blamed(way: str) -> None:
-    devices = Devices(**{way: {0: 50, 1: 70}})
+    devices = Devices(**cast("Any", {way: {0: 50, 1: 70}}))
     result = Result([], {}, [])
     with (
         pytest.warns(ps.errors.PersfsWarning, match="is not used any more"),

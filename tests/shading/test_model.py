@@ -27,12 +27,12 @@ def materials_in_turn(parameters: Mapping[str, Any]) -> bool:
     """Whether a test is a quick one: rough materials in single precision, shiny ones in double, matt ones in both."""
     if parameters["material"] == ps.Lambertian():
         return True
-    return isinstance(parameters["material"], ps.OrenNayar) == (parameters["precision"] == "float32")
+    return bool(isinstance(parameters["material"], ps.OrenNayar) == (parameters["precision"] == "float32"))
 
 
 def schemes_in_turn(parameters: Mapping[str, Any]) -> bool:
     """Likewise, for the schemes."""
-    return (parameters["scheme"] == "upwind") == (parameters["precision"] == "float32")
+    return bool((parameters["scheme"] == "upwind") == (parameters["precision"] == "float32"))
 
 
 materials_take_turns = pytest.mark.quick_where(holds=materials_in_turn)
