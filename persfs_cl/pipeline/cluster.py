@@ -19,10 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError, InputError, PersfsError, UnavailableError
-from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cluster_worker import Answer, Order, release, solve_photos, stop, versions
 from persfs_cl.pipeline.crew import dropped, failed
-from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.manifest import now
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import FolderStore
@@ -99,7 +97,7 @@ class Cluster:
         scheduler: str,
         setting: Setting,
         max_memory: int | None = None,
-        patience: Patience = Patience(),  # noqa: B008 - frozen
+        patience: Patience = Patience(),
     ) -> None:
         if setting.store is None:
             raise InputError.about(
@@ -108,7 +106,7 @@ class Cluster:
         if isinstance(setting.store, FolderStore):
             setting = replace(setting, store=FolderStore(setting.store.root.absolute()))
         try:
-            import distributed  # noqa: F401, PLC0415 - an extra
+            import distributed  # noqa: F401 - an extra
         except ImportError as error:
             raise UnavailableError(
                 f"Dask's workers cannot be reached ({error}): 'pip install persfs-cl[cluster]' brings what is needed."
@@ -134,7 +132,7 @@ class Cluster:
 
 
 def _connected(scheduler: str) -> Client:
-    from distributed import Client  # noqa: PLC0415 - an extra
+    from distributed import Client
 
     is_file = Path(scheduler).is_file()
     try:
@@ -265,7 +263,7 @@ class _Run:
         return False
 
     def _send(self, tasks: list[Task]) -> None:
-        import cloudpickle  # noqa: PLC0415 - comes with Dask
+        import cloudpickle
 
         avoided = set().union(*(self.tried.get(task.number, ()) for task in tasks))
         places = sorted(self.workers.keys() - avoided) or sorted(self.workers)
@@ -322,7 +320,7 @@ class _Run:
         tasks = {task.number: task for task in chunk.tasks}
         for outcome in answer.outcomes:
             task = tasks[outcome.number]
-            if outcome.end == "device":
+            if outcome.end in ("unfit", "device"):
                 yield from self._refused(task, outcome, answer.worker, stopping)
             elif outcome.end == "dropped" and not stopping:
                 self.again.append([task])
@@ -333,7 +331,7 @@ class _Run:
 
     def _refused(self, task: Task, outcome: Outcome, worker: str, stopping: bool) -> Iterator[Outcome]:
         """A device failed at a photo, or the photo at the device."""
-        self.failures[worker] += 1
+        self.failures[worker] += outcome.end == "device"
         self.tried[task.number].add(worker)
         if stopping:
             yield dropped(task)
@@ -347,7 +345,7 @@ class _Run:
 
     def _failed(self, chunk: _Chunk, future: Future[Answer], stopping: bool) -> Iterator[Outcome]:
         """The scheduler has given a chunk up."""
-        from distributed import KilledWorker  # noqa: PLC0415 - an extra
+        from distributed import KilledWorker
 
         error = future.exception()
         if stopping:

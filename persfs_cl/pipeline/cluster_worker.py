@@ -176,7 +176,7 @@ def solve_photos(expected: Mapping[str, str], payload: bytes) -> Answer:
     payload : bytes
         Order and tasks, pickled: what another version would not understand.
     """
-    from distributed import get_worker  # noqa: PLC0415 - an extra
+    from distributed import get_worker
 
     worker = get_worker()
     began = time.perf_counter()
@@ -185,7 +185,7 @@ def solve_photos(expected: Mapping[str, str], payload: bytes) -> Answer:
         refusal = UnavailableError(f"It has {'; '.join(other)}: install the same versions everywhere.")
         return Answer(worker.address, refusal=refusal)
     order: Order
-    order, tasks = pickle.loads(payload)  # noqa: S301 - from whom the worker takes its code
+    order, tasks = pickle.loads(payload)
     try:
         desk = _desk(order, worker)
     except PersfsError as error:

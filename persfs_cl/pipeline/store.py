@@ -245,7 +245,7 @@ class RemoteStore(Store):
 
     def _place(self) -> tuple[fsspec.AbstractFileSystem, str]:
         try:
-            import fsspec  # noqa: PLC0415 - not needed by everyone who imports this module
+            import fsspec
 
             return fsspec.core.url_to_fs(self.url)  # type: ignore[no-any-return] # fsspec is not typed
         except (ImportError, ValueError) as error:
