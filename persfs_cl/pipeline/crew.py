@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -15,8 +16,13 @@ from persfs_cl.pipeline.manifest import Record, now
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.workers import Setting, Worker
 
-_AHEAD = 256
-"""Tasks that a device has at most: enough for small photos to share launches."""
+_FEWEST, _MOST = 8, 256
+"""Tasks that a device has in hand, at the least and at most: enough to read while it solves, and for small photos to
+share launches."""
+_SECONDS_AHEAD = 3.0
+"""In between, as many as it does in this time: more would leave other devices with nothing at the end."""
+_MEASURED_EVERY = 0.5
+"""Seconds over which a rate is taken."""
 _DEATHS = 4
 """A device whose process ends so often, with nothing done in between, is given up."""
 _ASKED_EVERY = 0.2
@@ -39,6 +45,10 @@ class _Member:
         By their numbers.
     deaths : int
         Processes that ended in a row, with nothing done in between.
+    window : int
+        How many it is to have.
+    ended, since : int, float
+        Tasks that have ended since a time.
     refusal : PersfsError or None
         What it said last of why it does not work.
     suspects : list
@@ -51,6 +61,9 @@ class _Member:
     name: str = ""
     tasks: dict[int, Task] = field(default_factory=dict)
     deaths: int = 0
+    window: int = 0
+    ended: int = 0
+    since: float = field(default_factory=time.monotonic)
     refusal: PersfsError | None = None
     suspects: list[tuple[Task, int]] = field(default_factory=list)
 
@@ -58,6 +71,14 @@ class _Member:
     def title(self) -> str:
         """What warnings call it."""
         return self.name or ("A device" if self.setting.device is None else f"Device {self.setting.device}")
+
+    def pace(self) -> None:
+        """Note that a task has ended, and from time to time how many it is to have at a time."""
+        self.ended += 1
+        seconds = time.monotonic() - self.since
+        if seconds > _MEASURED_EVERY:
+            self.window = int(self.ended * _SECONDS_AHEAD / seconds)
+            self.ended, self.since = 0, time.monotonic()
 
     @property
     def alone(self) -> bool:
@@ -160,7 +181,7 @@ class Crew:
 
     def _feed(self, member: _Member, source: Iterator[Task]) -> None:
         worker = member.worker
-        while worker is not None and len(member.tasks) < _AHEAD and not member.alone:
+        while worker is not None and len(member.tasks) < min(_MOST, max(_FEWEST, member.window)) and not member.alone:
             task = self._next(member, source)
             if task is None:
                 return
@@ -206,6 +227,7 @@ class Crew:
 
     def _ended(self, member: _Member, outcome: Outcome, stopping: bool) -> Iterator[Outcome]:
         task = member.tasks.pop(outcome.number)
+        member.pace()
         if outcome.end == "done":
             member.deaths = 0
             yield from self._blamed(member)

@@ -106,7 +106,7 @@ class Plan:
     def parameter_hash(self, job: Job) -> str:
         """What changes whenever another result is to be expected of the same files."""
         says = {
-            "camera": _plain(job.camera.said),
+            "camera": _plain(_same_of_pixels(job.camera.said)),
             "brightness": _plain(job.brightness),
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
@@ -187,6 +187,13 @@ def _file_digest(file: Path, _stamp: tuple[int, int]) -> str:
         while block := handle.read(_BLOCK):
             found.update(block)
     return found.hexdigest()
+
+
+def _same_of_pixels(said: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of a camera, in the same words whether its pixels are said to be square or come out so."""
+    length = said["focal_length"]
+    square = length is not None and not isinstance(length, (tuple, list))
+    return {**said, "focal_length": (float(length), float(length)) if square else length}
 
 
 def _digest(data: bytes) -> str:

@@ -83,7 +83,7 @@ def test_other_parameters_are_reason_to_do_it_again(folder: Path, store: FolderS
         assert pretend(folder, store, plan=plan)[0] == NAMES
         assert pretend(folder, store, plan=plan)[0] == []
     # What is said with other words is no other parameter, nor is the device.
-    same = replace(plans[-1], keywords={"precision": "float32", "device": 0})
+    same = replace(plans[-1], camera=CameraChoice((30.0, 30.0)), keywords={"precision": "float32", "device": 0})
     assert pretend(folder, store, plan=same)[0] == []
 
 
