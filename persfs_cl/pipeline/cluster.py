@@ -19,16 +19,16 @@ from typing import TYPE_CHECKING, Any
 
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError, InputError, PersfsError, UnavailableError
-from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.io.files import remove_leftovers
 from persfs_cl.pipeline.cluster_worker import Answer, Order, release, solve_photos, stop, versions
 from persfs_cl.pipeline.crew import dropped, failed
-from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.manifest import now
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workers import Setting
 
 if TYPE_CHECKING:
+    from dask.typing import Key
     from distributed import Client, Future
 
 RESOURCE = "device"
@@ -99,7 +99,7 @@ class Cluster:
         scheduler: str,
         setting: Setting,
         max_memory: int | None = None,
-        patience: Patience = Patience(),  # noqa: B008 - frozen
+        patience: Patience = Patience(),
     ) -> None:
         if setting.store is None:
             raise InputError.about(
@@ -108,7 +108,7 @@ class Cluster:
         if isinstance(setting.store, FolderStore):
             setting = replace(setting, store=FolderStore(setting.store.root.absolute()))
         try:
-            import distributed  # noqa: F401, PLC0415 - an extra
+            import distributed  # noqa: F401 - an extra
         except ImportError as error:
             raise UnavailableError(
                 f"Dask's workers cannot be reached ({error}): 'pip install persfs-cl[cluster]' brings what is needed."
@@ -134,7 +134,7 @@ class Cluster:
 
 
 def _connected(scheduler: str) -> Client:
-    from distributed import Client  # noqa: PLC0415 - an extra
+    from distributed import Client
 
     is_file = Path(scheduler).is_file()
     try:
@@ -170,7 +170,7 @@ class _Run:
     order: Order
     patience: Patience
     heard: queue.SimpleQueue[Future[Answer]] = field(default_factory=queue.SimpleQueue)
-    sent: dict[str, _Chunk] = field(default_factory=dict)
+    sent: dict[Key, _Chunk] = field(default_factory=dict)
     again: deque[list[Task]] = field(default_factory=deque)
     size: int = _FIRST
     exhausted: bool = False
@@ -265,7 +265,7 @@ class _Run:
         return False
 
     def _send(self, tasks: list[Task]) -> None:
-        import cloudpickle  # noqa: PLC0415 - comes with Dask
+        import cloudpickle
 
         avoided = set().union(*(self.tried.get(task.number, ()) for task in tasks))
         places = sorted(self.workers.keys() - avoided) or sorted(self.workers)
@@ -347,7 +347,7 @@ class _Run:
 
     def _failed(self, chunk: _Chunk, future: Future[Answer], stopping: bool) -> Iterator[Outcome]:
         """The scheduler has given a chunk up."""
-        from distributed import KilledWorker  # noqa: PLC0415 - an extra
+        from distributed import KilledWorker
 
         error = future.exception()
         if stopping:
@@ -388,6 +388,9 @@ class _Run:
             if futures:
                 self.client.cancel(futures)
             self.client.run(release, self.order.run, on_error="ignore")
+        if isinstance(self.order.setting.store, FolderStore):
+            # Of workers that were killed, and did not come back.
+            remove_leftovers(self.order.setting.store.root)
 
     def _without(self, others: int) -> str:
         has = f"{others} workers, but none with" if others else "no worker with"
@@ -420,5 +423,6 @@ def _everywhere(task: Task) -> Task:
 
 def _absolute(value: Any) -> Any:
     """A dataclass with its paths made absolute."""
-    paths = {one.name: getattr(value, one.name) for one in fields(value)}
-    return replace(value, **{name: path.absolute() for name, path in paths.items() if isinstance(path, Path)})
+    paths = {one.name: path for one in fields(value) if isinstance(path := getattr(value, one.name), Path)}
+    # What all tasks have in common stays one object, and is pickled once.
+    return replace(value, **{name: path.absolute() for name, path in paths.items()}) if paths else value

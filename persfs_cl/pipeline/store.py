@@ -213,7 +213,7 @@ class RemoteStore(Store):
         return self.url
 
     def _place(self) -> tuple[fsspec.AbstractFileSystem, str]:
-        import fsspec  # noqa: PLC0415 - not needed by everyone who imports this module
+        import fsspec
 
         try:
             return fsspec.core.url_to_fs(self.url)  # type: ignore[no-any-return] # fsspec is not typed

@@ -202,6 +202,7 @@ def _listen(connection: Connection[Any, Any], station: Station, ended: threading
             station.stop()
         else:
             ended.set()
+            return  # the parent may leave before this process has cleaned up
 
 
 def _accepted(listener: Listener, process: subprocess.Popen[bytes]) -> Connection[Any, Any]:
