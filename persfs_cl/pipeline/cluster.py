@@ -9,7 +9,7 @@ from __future__ import annotations
 import queue
 import secrets
 import time
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError, InputError, PersfsError, UnavailableError
-from persfs_cl.io.files import remove_leftovers
 from persfs_cl.pipeline.cluster_worker import Answer, Order, release, solve_photos, stop, versions
 from persfs_cl.pipeline.crew import dropped, failed
 from persfs_cl.pipeline.manifest import now
@@ -42,8 +41,8 @@ _SECONDS = 10.0
 """That a chunk should take: long compared with its beginning and its end, when the device waits."""
 _GROWTH = 4
 """A chunk has at most so many times the tasks of the ones before."""
-_ATTEMPTS, _FAILURES = 2, 3
-"""As for a crew: of a photo on devices that fail, and of a device with nothing done in between."""
+_ATTEMPTS = 2
+"""Of a photo that devices cannot do, though they do others."""
 _RETRIES = 2
 """Of a chunk that ends with an error that nobody foresaw."""
 _ASKED_EVERY = 0.2
@@ -177,7 +176,6 @@ class _Run:
     workers: dict[str, int] = field(default_factory=dict)
     """Addresses of those that are used, with the number of their devices."""
     given_up: dict[str, PersfsError] = field(default_factory=dict)
-    failures: Counter[str] = field(default_factory=Counter)
     tried: defaultdict[int, set[str]] = field(default_factory=lambda: defaultdict(set))
     """Which workers failed at a photo."""
     looked: float = -float("inf")
@@ -322,28 +320,28 @@ class _Run:
         tasks = {task.number: task for task in chunk.tasks}
         for outcome in answer.outcomes:
             task = tasks[outcome.number]
-            if outcome.end == "device":
+            if outcome.end in ("unfit", "device"):
                 yield from self._refused(task, outcome, answer.worker, stopping)
             elif outcome.end == "dropped" and not stopping:
                 self.again.append([task])
             else:
-                self.failures[answer.worker] = 0
                 self.tried.pop(task.number, None)
                 yield outcome
 
     def _refused(self, task: Task, outcome: Outcome, worker: str, stopping: bool) -> Iterator[Outcome]:
-        """A device failed at a photo, or the photo at the device."""
-        self.failures[worker] += 1
-        self.tried[task.number].add(worker)
+        """A device failed at a photo, which is to blame where the device works."""
+        if outcome.end == "device" and outcome.error is not None:
+            self._give_up(worker, outcome.error)
         if stopping:
             yield dropped(task)
+        elif outcome.end == "device":
+            self.again.append([task])
         elif task.attempts + 1 >= _ATTEMPTS:
-            del self.tried[task.number]
+            self.tried.pop(task.number, None)
             yield replace(outcome, end="failed")
         else:
+            self.tried[task.number].add(worker)
             self.again.append([replace(task, attempts=task.attempts + 1)])
-        if self.failures[worker] >= _FAILURES and outcome.error is not None:
-            self._give_up(worker, outcome.error)
 
     def _failed(self, chunk: _Chunk, future: Future[Answer], stopping: bool) -> Iterator[Outcome]:
         """The scheduler has given a chunk up."""
@@ -388,9 +386,6 @@ class _Run:
             if futures:
                 self.client.cancel(futures)
             self.client.run(release, self.order.run, on_error="ignore")
-        if isinstance(self.order.setting.store, FolderStore):
-            # Of workers that were killed, and did not come back.
-            remove_leftovers(self.order.setting.store.root)
 
     def _without(self, others: int) -> str:
         has = f"{others} workers, but none with" if others else "no worker with"

@@ -127,8 +127,12 @@ class FolderStore(Store):
 
     def records(self, names: Sequence[str]) -> dict[str, Record]:
         """See :class:`Store`."""
-        find = self.finder()
-        return {name: record for name in names if (record := find(name)) is not None}
+        found = {}
+        for name in names:
+            with suppress(OSError):  # mostly, there is none yet
+                if (record := Record.read((self.root / name / RECORD).read_bytes())) is not None:
+                    found[name] = record
+        return found
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
@@ -213,7 +217,7 @@ class RemoteStore(Store):
         return self.url
 
     def _place(self) -> tuple[fsspec.AbstractFileSystem, str]:
-        import fsspec
+        import fsspec  # noqa: PLC0415 - not needed by everyone who imports this module
 
         try:
             return fsspec.core.url_to_fs(self.url)  # type: ignore[no-any-return] # fsspec is not typed

@@ -296,7 +296,7 @@ def test_chunks_grow_with_the_pace_and_little_is_sent_ahead() -> None:
 @pytest.mark.parametrize(("bad", "end"), [(("one",), "done"), (("one", "two"), "failed")])
 def test_a_photo_that_a_device_fails_at_is_tried_on_another_worker(bad: Sequence[str], end: str) -> None:
     def answer(place: str, given: list[Task]) -> Answer:
-        failing = Outcome(3, "device", Record(name="3", path="", status="failed"), DeviceError("It broke."))
+        failing = Outcome(3, "unfit", Record(name="3", path="", status="failed"), InputError("It did not fit."))
         return Answer(place, 1.0, [failing if task.number == 3 and place in bad else done(task) for task in given])
 
     client = FakeClient(answer)
