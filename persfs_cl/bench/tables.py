@@ -229,6 +229,14 @@ def _weno(records: Records) -> str:
     return markdown_table(header, [(*place, *cells) for place, cells in rows.items()], words=1)
 
 
+def _tasks(records: Records) -> str:
+    rows = [
+        (record.workload, record.quantity, f"{_value(record)} {record.unit}".strip(), record.detail)
+        for record in records
+    ]
+    return markdown_table(("what", "quantity", "value", "of"), rows, words=2, remarks=True)
+
+
 _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "orderings": ("orderings", _orderings),
     "sizes": ("sizes", _sizes),
@@ -241,6 +249,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "solutions": ("solutions", _solutions),
     "compilation": ("compilation", _compilation),
     "memory": ("memory", _memory),
+    "tasks": ("tasks", _tasks),
     "accuracy": ("accuracy", _accuracy),
     "flash": ("flash", _flash),
     "flash-materials": ("reflectance", _flash_materials),
