@@ -146,6 +146,14 @@ def _memory(records: Records) -> str:
     return markdown_table(("pixels", "quantity", "value", "what"), rows, words=2, remarks=True)
 
 
+def _tasks(records: Records) -> str:
+    rows = [
+        (record.workload, record.quantity, f"{_value(record)} {record.unit}".strip(), record.detail)
+        for record in records
+    ]
+    return markdown_table(("what", "quantity", "value", "of"), rows, words=2, remarks=True)
+
+
 def _accuracy(records: Records) -> str:
     by_workload: dict[str, dict[int, str]] = {}
     orders = {}
@@ -227,14 +235,6 @@ def _weno(records: Records) -> str:
         rows.setdefault((photograph, _pixels(record)), []).append(cell)
     header = ("photograph", "pixels", *exact.SCHEMES, WENO)
     return markdown_table(header, [(*place, *cells) for place, cells in rows.items()], words=1)
-
-
-def _tasks(records: Records) -> str:
-    rows = [
-        (record.workload, record.quantity, f"{_value(record)} {record.unit}".strip(), record.detail)
-        for record in records
-    ]
-    return markdown_table(("what", "quantity", "value", "of"), rows, words=2, remarks=True)
 
 
 _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
