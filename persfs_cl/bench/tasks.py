@@ -240,6 +240,6 @@ def _record(workload: str, quantity: str, unit: str, value: float, detail: str =
         unit=unit,
         size=0,
         images=1,
-        precision="",
+        precision=Plan.precision,
         detail=detail,
     )
