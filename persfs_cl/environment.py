@@ -12,7 +12,16 @@ from typing import Any
 
 from persfs_cl._cl.device import Device, usable_cores
 
-_PACKAGES = ("persfs-cl", "numpy", "pyopencl", "pocl-binary-distribution", "numba", "scikit-fmm", "pymeshfix")
+_PACKAGES = (
+    "persfs-cl",
+    "numpy",
+    "pyopencl",
+    "pocl-binary-distribution",
+    "numba",
+    "scikit-fmm",
+    "pymeshfix",
+    "distributed",
+)
 
 
 def environment(device: Device, command: str) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured,
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
 from persfs_cl.bench.solutions import small_image, solutions
+from persfs_cl.bench.tasks import tasks
 from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]
@@ -206,5 +207,6 @@ EXPERIMENTS: dict[str, Experiment] = {
     "folder": folder,
     "compilation": compilation,
     "memory": memory,
+    "tasks": tasks,
 }
 """By name, in the order in which they run."""

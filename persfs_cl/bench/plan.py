@@ -41,6 +41,8 @@ class Plan:
         Likewise: rows and columns of a tile.
     band_rows, work_groups : tuple of int or None
         Likewise: heights of a band, and how many groups run side by side; None = what suits image and device.
+    tasks : int
+        Photographs of the experiment on handing them out.
     """
 
     device: Device
@@ -56,6 +58,7 @@ class Plan:
     tiles: tuple[tuple[int, int], ...] = ((16, 64), (32, 64), (64, 64))
     band_rows: tuple[int, ...] | None = None
     work_groups: tuple[int, ...] | None = None
+    tasks: int = 100_000
 
     def edges(self, usual: tuple[int, ...] = STANDARD_SIZES) -> tuple[int, ...]:
         """The sizes asked for, or else the usual ones."""

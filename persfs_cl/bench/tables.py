@@ -146,6 +146,14 @@ def _memory(records: Records) -> str:
     return markdown_table(("pixels", "quantity", "value", "what"), rows, words=2, remarks=True)
 
 
+def _tasks(records: Records) -> str:
+    rows = [
+        (record.workload, record.quantity, f"{_value(record)} {record.unit}".strip(), record.detail)
+        for record in records
+    ]
+    return markdown_table(("what", "quantity", "value", "of"), rows, words=2, remarks=True)
+
+
 def _accuracy(records: Records) -> str:
     by_workload: dict[str, dict[int, str]] = {}
     orders = {}
@@ -252,6 +260,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "solutions": ("solutions", _solutions),
     "compilation": ("compilation", _compilation),
     "memory": ("memory", _memory),
+    "tasks": ("tasks", _tasks),
     "accuracy": ("accuracy", _accuracy),
     "flash": ("flash", _flash),
     "flash-materials": ("reflectance", _flash_materials),

@@ -37,7 +37,7 @@ _Choice = TypeVar("_Choice", bound=str)
 _ORDERINGS = Plan.orderings
 _TUNINGS = "Of the experiment tunings"
 _QUICK_SIZES, _QUICK_BATCH = (128, 256), (1, 4)
-_QUICK_REPEATS, _QUICK_SECONDS = 3, 0.01
+_QUICK_REPEATS, _QUICK_SECONDS, _QUICK_TASKS = 3, 0.01, 1000
 
 
 def _listed(values: Iterable[object]) -> str:
@@ -169,6 +169,7 @@ def bench(
         band_rows=_numbers("--band-rows", band_rows, least=1),
         lanes=_numbers("--lanes", lanes, choices=[width for width in LANES if width <= lanes_of(chosen, precision)]),
         work_groups=_numbers("--work-groups", work_groups, least=1),
+        tasks=_QUICK_TASKS if quick else Plan.tasks,
     )
     plan.device.real(precision)
     check_folder(output, overwrite=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import queue
 import secrets
 import time
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
@@ -27,6 +27,7 @@ from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workers import Setting
 
 if TYPE_CHECKING:
+    from dask.typing import Key
     from distributed import Client, Future
 
 RESOURCE = "device"
@@ -40,8 +41,8 @@ _SECONDS = 10.0
 """That a chunk should take: long compared with its beginning and its end, when the device waits."""
 _GROWTH = 4
 """A chunk has at most so many times the tasks of the ones before."""
-_ATTEMPTS, _FAILURES = 2, 3
-"""As for a crew: of a photo on devices that fail, and of a device with nothing done in between."""
+_ATTEMPTS = 2
+"""Of a photo that devices cannot do, though they do others."""
 _RETRIES = 2
 """Of a chunk that ends with an error that nobody foresaw."""
 _ASKED_EVERY = 0.2
@@ -168,14 +169,13 @@ class _Run:
     order: Order
     patience: Patience
     heard: queue.SimpleQueue[Future[Answer]] = field(default_factory=queue.SimpleQueue)
-    sent: dict[str, _Chunk] = field(default_factory=dict)
+    sent: dict[Key, _Chunk] = field(default_factory=dict)
     again: deque[list[Task]] = field(default_factory=deque)
     size: int = _FIRST
     exhausted: bool = False
     workers: dict[str, int] = field(default_factory=dict)
     """Addresses of those that are used, with the number of their devices."""
     given_up: dict[str, PersfsError] = field(default_factory=dict)
-    failures: Counter[str] = field(default_factory=Counter)
     tried: defaultdict[int, set[str]] = field(default_factory=lambda: defaultdict(set))
     """Which workers failed at a photo."""
     looked: float = -float("inf")
@@ -325,23 +325,23 @@ class _Run:
             elif outcome.end == "dropped" and not stopping:
                 self.again.append([task])
             else:
-                self.failures[answer.worker] = 0
                 self.tried.pop(task.number, None)
                 yield outcome
 
     def _refused(self, task: Task, outcome: Outcome, worker: str, stopping: bool) -> Iterator[Outcome]:
-        """A device failed at a photo, or the photo at the device."""
-        self.failures[worker] += outcome.end == "device"
-        self.tried[task.number].add(worker)
+        """A device failed at a photo, which is to blame where the device works."""
+        if outcome.end == "device" and outcome.error is not None:
+            self._give_up(worker, outcome.error)
         if stopping:
             yield dropped(task)
+        elif outcome.end == "device":
+            self.again.append([task])
         elif task.attempts + 1 >= _ATTEMPTS:
-            del self.tried[task.number]
+            self.tried.pop(task.number, None)
             yield replace(outcome, end="failed")
         else:
+            self.tried[task.number].add(worker)
             self.again.append([replace(task, attempts=task.attempts + 1)])
-        if self.failures[worker] >= _FAILURES and outcome.error is not None:
-            self._give_up(worker, outcome.error)
 
     def _failed(self, chunk: _Chunk, future: Future[Answer], stopping: bool) -> Iterator[Outcome]:
         """The scheduler has given a chunk up."""
@@ -418,5 +418,6 @@ def _everywhere(task: Task) -> Task:
 
 def _absolute(value: Any) -> Any:
     """A dataclass with its paths made absolute."""
-    paths = {one.name: getattr(value, one.name) for one in fields(value)}
-    return replace(value, **{name: path.absolute() for name, path in paths.items() if isinstance(path, Path)})
+    paths = {one.name: path for one in fields(value) if isinstance(path := getattr(value, one.name), Path)}
+    # What all tasks have in common stays one object, and is pickled once.
+    return replace(value, **{name: path.absolute() for name, path in paths.items()}) if paths else value

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,7 @@ from persfs_cl.pipeline.workers import Setting
 from persfs_cl.told import listen
 
 if TYPE_CHECKING:
+    from dask.typing import Key
     from distributed import Worker
 
 _SHARE_OF_MEMORY = 0.5
@@ -37,7 +38,7 @@ _LEAST_THREADS = 2
 _ASKED_EVERY = 0.5
 """Seconds between two looks whether a chunk is wanted still."""
 _PATIENCE = 15.0
-"""Seconds until a folder must be seen that another machine has made: network file systems remember what was not there."""
+"""Seconds until a folder must be seen that another machine has made: what was not there is remembered for a while."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,8 @@ class _Process:
     ended: set[str] = set()  # noqa: RUF012
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Of all on which the bits of results depend, or whether processes understand each other."""
     found = {"Python": "{}.{}".format(*sys.version_info)}
     for name in ("persfs-cl", "numpy", "pyopencl", "distributed"):
@@ -236,7 +238,7 @@ def _close(run: str) -> None:
             desk.close()
 
 
-def _is_wanted(worker: Worker, key: str) -> bool:
+def _is_wanted(worker: Worker, key: Key) -> bool:
     """Whether a chunk is not cancelled: by its client, or because that is gone."""
     task = worker.state.tasks.get(key)
     return task is not None and task.state != "cancelled"
@@ -244,7 +246,7 @@ def _is_wanted(worker: Worker, key: str) -> bool:
 
 def _was_done(order: Order, task: Task, record: Record) -> bool:
     """Whether a result is of this run: an earlier one may be wanted anew, though nothing has changed."""
-    is_new = record.finished >= order.began and record.version == version("persfs-cl")
+    is_new = record.finished >= order.began and record.version == versions()["persfs-cl"]
     return is_new and record.status == "done" and is_the_same(task.job, task.parameter_hash, Known.of(record))
 
 

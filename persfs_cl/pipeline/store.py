@@ -135,8 +135,12 @@ class FolderStore(Store):
 
     def records(self, names: Sequence[str]) -> dict[str, Record]:
         """See :class:`Store`."""
-        find = self.finder()
-        return {name: record for name in names if (record := find(name)) is not None}
+        found = {}
+        for name in names:
+            with suppress(OSError):  # mostly, there is none yet
+                if (record := Record.read((self.root / name / RECORD).read_bytes())) is not None:
+                    found[name] = record
+        return found
 
     def journal(self) -> Journal:
         """See :class:`Store`."""
