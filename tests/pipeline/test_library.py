@@ -25,10 +25,10 @@ def test_numbers_are_those_of_one_by_one_to_the_bit(tmp_path: Path) -> None:
     folder = tmp_path / "in"
     shapes = ((24, 30), (17, 40), (33, 9))
     for number, shape in enumerate(shapes):
-        photos(folder / str(number), 4, shape)
-    keywords = {"light": LIGHT, "accuracy_order": 2, "max_iterations": 60}
+        photos(folder / str(number), 3, shape)
+    keywords = {"light": LIGHT, "max_iterations": 60}
     results = {result.name: result for result in ps.batch(folder, camera=CAMERA, **keywords)}
-    assert len(results) == 12
+    assert len(results) == 9
     images = {name: read_photo(folder / name).image for name in results}
     alone = {name: ps.reconstruct(image, CAMERA, **keywords) for name, image in images.items()}
     together = dict(zip(images, ps.reconstruct_batch(list(images.values()), CAMERA, **keywords), strict=True))
@@ -38,8 +38,6 @@ def test_numbers_are_those_of_one_by_one_to_the_bit(tmp_path: Path) -> None:
             for array in ("depth", "log_depth", "changes"):
                 np.testing.assert_array_equal(getattr(result.solution, array), getattr(other, array))
             assert (result.solution.status, result.solution.iterations) == (other.status, other.iterations)
-    for result in ps.batch(folder, tmp_path / "out", camera=CAMERA, save="depth.npy", **keywords):
-        np.testing.assert_array_equal(np.load(tmp_path / "out" / result.name / "depth.npy"), alone[result.name].depth)
 
 
 SCRIPT = """

@@ -87,6 +87,21 @@ def test_a_result_that_cannot_be_sent_is_not_there(
             assert name not in store.results()
 
 
+def test_a_result_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    settled: list[str] = []
+
+    def fsync(handle: int) -> None:
+        file = Path(f"/proc/self/fd/{handle}").readlink()
+        assert not (tmp_path / "a.png").exists()
+        settled.append(file.name)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with FolderStore(tmp_path).opened() as shelf:
+        shelf.put("a.png", result("a.png", "one", "two"))
+    assert sorted(settled) == sorted(["one", "two", RECORD])
+    assert {path.name for path in (tmp_path / "a.png").iterdir()} == {"one", "two", RECORD}
+
+
 def test_going_on_does_what_is_missing(store: RemoteStore, tmp_path: Path) -> None:
     names = photos(tmp_path / "in", 4)
     with pytest.raises(KeyboardInterrupt):
