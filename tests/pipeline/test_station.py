@@ -16,7 +16,8 @@ import persfs_cl as ps
 from persfs_cl.pipeline import health, station
 from persfs_cl.pipeline.batch import crew_settings
 from persfs_cl.pipeline.listing import list_inputs
-from persfs_cl.pipeline.station import Outcome, Room, Station, Task
+from persfs_cl.pipeline.room import Room
+from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import FolderStore
 
 Solve = Callable[..., Any]
