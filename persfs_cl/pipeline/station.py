@@ -26,6 +26,7 @@ from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, re
 from persfs_cl.pipeline.manifest import Record, now, package_version
 from persfs_cl.pipeline.plan import input_hash, stamps
 from persfs_cl.pipeline.results import PhotoSolution, write
+from persfs_cl.pipeline.room import Room, bytes_for
 from persfs_cl.pipeline.store import Shelf
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
@@ -35,10 +36,6 @@ from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import Heard, hearing
 
-BYTES_PER_PIXEL = 500
-"""Of memory that a photo takes at most, from reading to writing, per pixel."""
-BYTES_PER_PHOTO = 2**20
-"""And whatever its size."""
 _LARGEST_GROUP = 2**24
 """Pixels that share launches at most: their results appear together."""
 _ROOM_OF_READERS = 4
@@ -111,30 +108,6 @@ class _Work:
     def shape(self) -> tuple[int, ...]:
         assert self.problem is not None  # noqa: S101 - for the type checker
         return self.problem.image.shape
-
-
-class Room:
-    """Bytes that may be taken, in the order of asking."""
-
-    def __init__(self, size: int) -> None:
-        self._size, self._taken = size, 0
-        self._changed = threading.Condition()
-        self._turn = threading.Lock()
-
-    def take(self, wanted: int) -> int:
-        """Wait until there is room, and take it; what is larger than all waits for all. Returns what was taken."""
-        room = min(wanted, self._size)
-        # One at a time: small ones would overtake a large one for ever.
-        with self._turn, self._changed:
-            self._changed.wait_for(lambda: self._taken + room <= self._size)
-            self._taken += room
-        return room
-
-    def give_back(self, room: int) -> None:
-        """Give back what was taken."""
-        with self._changed:
-            self._taken -= room
-            self._changed.notify_all()
 
 
 class Station:
@@ -220,7 +193,7 @@ class Station:
 
     def _read(self, work: _Work) -> None:
         job = work.task.job
-        work.room = self._room.take(BYTES_PER_PHOTO + BYTES_PER_PIXEL * pixels(job))
+        work.room = self._room.take(bytes_for(pixels(job), self._saving))
         with self._step(work, "read"):
             with suppress(OSError):  # what the system refuses is said by those who read the files: they have the words
                 work.known["stamps"] = stamps(job)

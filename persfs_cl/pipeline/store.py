@@ -187,6 +187,7 @@ class _FolderShelf(Shelf):
             new.mkdir()
             record = fill(new)
             (new / RECORD).write_text(record.line(), encoding="utf-8")
+            _settle(new)
             final.parent.mkdir(parents=True, exist_ok=True)
             old = self._stage / f"{new.name}-old"
             # Whoever is killed between the two leaves no result here, and the photo is done again.
@@ -410,6 +411,17 @@ def _is_result(place: Path) -> bool:
     if kinds and (RECORD not in kinds or any(kinds.values())):
         raise InputError(f"{place} holds something else than a result: move it away, or choose another output.")
     return True
+
+
+def _settle(folder: Path) -> None:
+    """Have the files on the disk: else a power cut may keep their names, and the line of the manifest, alone."""
+    for file in folder.iterdir():
+        handle = os.open(file, os.O_RDWR)
+        try:
+            with suppress(OSError):  # some file systems cannot
+                os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 @contextmanager

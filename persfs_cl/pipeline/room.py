@@ -1,0 +1,61 @@
+"""How much of the memory the photos in work may take, and how much one of them takes."""
+
+from __future__ import annotations
+
+import threading
+
+from persfs_cl.surface.saving import GROUPS, Saving
+
+BYTES_PER_PROCESS = 500 * 2**20
+"""What a process takes that has no photo in hand: Python, the libraries, the driver and its compiler."""
+_BYTES_PER_PHOTO = 8 * 2**20
+"""Of a photo of any size."""
+_BYTES_PER_DRAWING = 64 * 2**20
+"""Of one that has drawings, which have a size of their own."""
+# The most that was seen over reading, preparing, solving and writing, with a third to spare: of one photo alone, of 1.4
+# and of 9 million pixels, under all lights, in both orders and precisions, with all maps.
+_BYTES_PER_PIXEL = 250
+_OF_DRAWINGS, _OF_MESHES, _OF_TEXTS = 400, 500, 1100
+_BY_FILE = {
+    **dict.fromkeys(GROUPS["pictures"], _OF_DRAWINGS),
+    **dict.fromkeys(("mesh.ply", "mesh.stl", "mesh.glb"), _OF_MESHES),
+    "mesh.obj": _OF_TEXTS,
+}
+
+
+def bytes_for(pixels: int, saving: Saving) -> int:
+    """Bytes of memory that a photo takes at most, from reading to writing.
+
+    Parameters
+    ----------
+    pixels : int
+    saving : Saving
+        The files to be written. What is made one after the other is not held together, so that the greediest counts.
+    """
+    drawn = not set(GROUPS["pictures"]).isdisjoint(saving.files)
+    per_pixel = max((_BY_FILE.get(file, 0) for file in saving.files), default=0)
+    return (_BYTES_PER_DRAWING if drawn else _BYTES_PER_PHOTO) + pixels * max(_BYTES_PER_PIXEL, per_pixel)
+
+
+class Room:
+    """Bytes that may be taken, in the order of asking."""
+
+    def __init__(self, size: int) -> None:
+        self._size, self._taken = size, 0
+        self._changed = threading.Condition()
+        self._turn = threading.Lock()
+
+    def take(self, wanted: int) -> int:
+        """Wait until there is room, and take it; what is larger than all waits for all. Returns what was taken."""
+        room = min(wanted, self._size)
+        # One at a time: small ones would overtake a large one for ever.
+        with self._turn, self._changed:
+            self._changed.wait_for(lambda: self._taken + room <= self._size)
+            self._taken += room
+        return room
+
+    def give_back(self, room: int) -> None:
+        """Give back what was taken."""
+        with self._changed:
+            self._taken -= room
+            self._changed.notify_all()
