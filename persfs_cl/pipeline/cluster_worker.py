@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
@@ -126,12 +126,14 @@ class _Desk:
         self._waiting.update(dict.fromkeys(left, here))
         for task in left.values():
             self._station.add(task)
+        looked = -float("inf")
         while len(ended) < len(tasks):
-            try:
-                ended.append(here.get(timeout=_ASKED_EVERY))
-            except queue.Empty:
+            if time.monotonic() - looked > _ASKED_EVERY:
+                looked = time.monotonic()
                 if not is_wanted():
                     self.stop()
+            with suppress(queue.Empty):
+                ended.append(here.get(timeout=_ASKED_EVERY))
         return ended
 
     def stop(self) -> None:

@@ -20,7 +20,7 @@ from persfs_cl.environment import environment
 from persfs_cl.page import ENVIRONMENT, filled, marked
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGES = {name: (DOCS / name).read_text(encoding="utf-8") for name in ("performance.md", "accuracy.md")}
+PAGES = {name: (DOCS / name).read_text(encoding="utf-8") for name in ("performance.md", "accuracy.md", "batch.md")}
 
 
 def rate(workload: str, *values: float, **others: Any) -> Record:

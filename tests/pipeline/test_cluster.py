@@ -7,6 +7,7 @@ import pickle
 import shutil
 import signal
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -165,6 +166,44 @@ def test_an_end_that_is_asked_for_drops_the_rest(photos: Path, workers: str, tmp
     assert there == results - {"broken.png"}
     assert {outcome.record.name for outcome in outcomes(lambda: False)} == inputs
     assert [outcome.end for outcome in outcomes(lambda: True)] == []
+
+
+def wait_until_unwanted(file: str) -> None:
+    worker = distributed.get_worker()
+    key = worker.get_current_task()
+    assert cluster_worker._is_wanted(worker, key)
+    Path(file, "begun").touch()
+    while cluster_worker._is_wanted(worker, key):
+        time.sleep(0.02)
+    Path(file, "ended").touch()
+
+
+def appears(file: Path) -> bool:
+    until = time.monotonic() + 30
+    while not file.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    return file.exists()
+
+
+def test_a_chunk_ends_when_who_asked_is_gone(photos: Path, tmp_path: Path) -> None:
+    with distributed.LocalCluster(
+        n_workers=1, processes=False, protocol="tcp", dashboard_address=":0", host="127.0.0.1"
+    ) as made:
+        with distributed.Client(made.scheduler_address, set_as_default=False) as client:
+            future = client.submit(wait_until_unwanted, str(tmp_path), pure=False)
+            assert appears(tmp_path / "begun")
+            assert not future.done()
+        assert appears(tmp_path / "ended")
+    # And then the station drops what it has.
+    (tmp_path / "output" / FOLDER).mkdir(parents=True)
+    order = cluster_worker.Order("run", "", setting(FolderStore(tmp_path / "output")), None)
+    desk = cluster_worker._Desk(order, 2**30, 2)
+    names = sorted(file.name for file in photos.glob("[0-9]*.png"))
+    ends = Counter(outcome.end for outcome in desk.outcomes(list(tasks(photos, names)), lambda: False))
+    desk.close()
+    assert ends["dropped"] > 0
+    assert ends["dropped"] + ends["done"] == COUNT
+    assert len(list((tmp_path / "output").rglob(store.RECORD))) == ends["done"]
 
 
 def setting(place: store.Store | None) -> Setting:
