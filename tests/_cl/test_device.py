@@ -223,8 +223,8 @@ def fields(light: Light) -> list[str]:
     return list(light.upwind_model(ps.Lambertian()).parameters(ps.Camera(10.0).grid((4, 4))))
 
 
-# A warning about those that other tests compile, in double precision too, makes these fail.
-@pytest.mark.quick_where(holds=lambda parameters: parameters["precision"] == "float32")
+# A warning about kernels that other tests compile makes these fail.
+@pytest.mark.thorough
 def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> None:
     wide = lanes(device, precision)
     by_cells: list[Ordering] = [Lexicographic(), WavefrontTiles(), Checkerboard(), ThreeColours()]

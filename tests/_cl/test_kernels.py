@@ -236,7 +236,7 @@ TILES, CHECKERBOARD, LEXICOGRAPHIC = WavefrontTiles(), Checkerboard(), Lexicogra
 SMALL_TILES = WavefrontTiles(tile=(8, 16))
 IN_ONE_PRECISION: dict[Ordering, str] = {
     SMALL_TILES: "float32",
-    **{ordering: "float32" for (vectors, _), ordering in (STRIPS | IMAGES).items() if vectors == 3},
+    **{ordering: "float32" for kind in (STRIPS, IMAGES) for (vectors, _), ordering in kind.items() if vectors == 3},
     NARROW_STRIPS[0]: "float32",
     NARROW_STRIPS[1]: "",
     NARROW_STRIPS[2]: "float64",
@@ -268,8 +268,7 @@ def test_all_sizes_give_the_bits_of_lexicographic(device: Device, precision: str
 
 
 # Both precisions of these kernels go through strips, above, and of these variants through the test before.
-@pytest.mark.quick_where(holds=lambda given: given["ordering"] != IMAGES[3, 3] or given["name"] == KERNELS[0])
-@pytest.mark.parametrize("ordering", [TILES, IMAGES[1, 3], IMAGES[3, 3]], ids=str)
+@pytest.mark.parametrize("ordering", [TILES, IMAGES[1, 3], pytest.param(IMAGES[3, 3], marks=thorough)], ids=str)
 @pytest.mark.parametrize("name", KERNELS)
 def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
     device: Device, ordering: Ordering, name: str
@@ -356,7 +355,7 @@ def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
 @kernels_take_turns
 @pytest.mark.parametrize("name", KERNELS)
 def test_checkerboard_is_the_same_by_any_kernels(device: Device, precision: str, name: str) -> None:
-    for seed, shape in enumerate([(1, 2), (8, 16), (17, 31)]):
+    for seed, shape in enumerate([(1, 2), (17, 31), (17, 31)]):
         problem = random_problem(seed, shape, boundary="wall", **SETUPS[name])
         assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, BANDS[1])
 

@@ -408,7 +408,7 @@ class TestLampBesideTheCamera:
         by_upwind = self.solve(scene)
         assert ps.compare(solution.depth, scene.depth).mean < 5.0 * ps.compare(by_upwind.depth, scene.depth).mean
 
-    @pytest.mark.parametrize("material", [ps.OrenNayar(0.4), ps.Phong()], ids=str)
+    @pytest.mark.parametrize("material", [ps.OrenNayar(0.4), pytest.param(ps.Phong(), marks=pytest.mark.thorough)])
     def test_other_materials_and_a_mask(self, material: Reflectance) -> None:
         scene = self.scene((0.0, 0.1, 0.0), material)
         mask = np.ones(scene.image.shape, bool)

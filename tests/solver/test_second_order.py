@@ -12,6 +12,10 @@ import persfs_cl as ps
 from persfs_cl._cl.registers import lanes
 
 
+# In double precision kernels of second order are tested one by one.
+in_single_precision = pytest.mark.quick_where(holds=lambda given: given["precision"] == "float32")
+
+
 def bump(size: int, light: ps.ParallelLight, surface: str) -> ps.Scene:
     return ps.bump((size, size), light=light, surface=surface)  # type: ignore[arg-type]
 
@@ -27,7 +31,7 @@ def solved(scene: ps.Scene, device: ps.Device, **keywords: object) -> ps.Solutio
     return ps.reconstruct(scene.image, scene.camera, light=scene.light, **options)  # type: ignore[arg-type]
 
 
-@pytest.mark.quick_where(holds=lambda given: given["flash"] == (given["precision"] == "float32"))
+@in_single_precision
 @pytest.mark.parametrize("flash", [False, True], ids=["parallel", "flash"])
 def test_wavefront_gives_the_bits_of_lexicographic(device: ps.Device, precision: str, flash: bool) -> None:
     scene = hillside(61) if flash else bump(61, ps.ParallelLight(0.2, -0.1), "toward")
@@ -40,6 +44,7 @@ def test_wavefront_gives_the_bits_of_lexicographic(device: ps.Device, precision:
     np.testing.assert_array_equal(one.changes, other.changes)
 
 
+@in_single_precision
 def test_three_colours_reach_the_same_surface(device: ps.Device, precision: str) -> None:
     scene = hillside(51)
     one, other = (
