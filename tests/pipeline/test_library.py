@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def test_numbers_are_those_of_one_by_one_to_the_bit(tmp_path: Path) -> None:
     shapes = ((24, 30), (17, 40), (33, 9))
     for number, shape in enumerate(shapes):
         photos(folder / str(number), 3, shape)
-    keywords = {"light": LIGHT, "max_iterations": 60}
+    keywords: dict[str, Any] = {"light": LIGHT, "max_iterations": 60}
     results = {result.name: result for result in ps.batch(folder, camera=CAMERA, **keywords)}
     assert len(results) == 9
     images = {name: read_photo(folder / name).image for name in results}

@@ -52,7 +52,8 @@ def test_of_photos_that_share_launches_only_the_one_to_blame_fails(
 ) -> None:
     names = photos(tmp_path / "in", 6)
     shapes = photos(tmp_path / "in", 2, (9, 11), first=50)
-    usual, groups = station.solve, []
+    usual = station.solve
+    groups: list[Any] = []
     released = threading.Event()
 
     def solve(device: ps.Device, problems: Sequence[Any], *rest: Any) -> list[ps.Solution]:

@@ -121,7 +121,7 @@ def test_going_on_does_what_is_missing(store: RemoteStore, tmp_path: Path) -> No
 def test_devices_write_to_a_url(tmp_path: Path) -> None:
     names = photos(tmp_path / "in", 3)
     url = f"file://{tmp_path}/out"
-    keywords = {"camera": ps.Camera(FOCAL), "light": ps.FlashLight(), "save": "depth.npy"}
+    keywords: dict[str, Any] = {"camera": ps.Camera(FOCAL), "light": ps.FlashLight(), "save": "depth.npy"}
     assert sorted(one.name for one in ps.batch(tmp_path / "in", url, **keywords)) == names
     require_whole(tmp_path / "out", names)
     assert times_done(tmp_path / "out") == dict.fromkeys(names, 1)
