@@ -52,7 +52,7 @@ def test_of_photos_that_share_launches_only_the_one_to_blame_fails(
 ) -> None:
     names = photos(tmp_path / "in", 6)
     shapes = photos(tmp_path / "in", 2, (9, 11), first=50)
-    usual = station.solve
+    usual = solve_problems
     groups: list[Any] = []
     released = threading.Event()
 
