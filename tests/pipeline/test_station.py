@@ -19,6 +19,7 @@ from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import FolderStore
+from persfs_cl.solver.solve import solve as solve_problems
 
 Solve = Callable[..., Any]
 
