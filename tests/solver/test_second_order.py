@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl._cl.registers import lanes
 
-
 # In double precision kernels of second order are tested one by one.
 in_single_precision = pytest.mark.quick_where(holds=lambda given: given["precision"] == "float32")
 
