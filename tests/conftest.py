@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import hypothesis
@@ -105,4 +106,4 @@ def pytest_testnodedown(node: Any) -> None:
     count = getattr(node, "workeroutput", {}).get("left_out", 0)
     if _LEFT_OUT not in node.config.stash:
         node.config.stash[_LEFT_OUT] = count
-        node.config.hook.pytest_deselected(items=[None] * count)
+        node.config.hook.pytest_deselected(items=[SimpleNamespace() for _ in range(count)])

@@ -56,11 +56,28 @@ PRECISION_IN_TURN = {
 
 By all orderings in the same one, so that tests share programs. Those under a parallel light run in both.
 """
+OTHER_MATERIALS = [
+    "flash on a rough surface",
+    "upwind flash on a rough surface",
+    "upwind lamp beside a rough surface",
+    "upwind flash on a shiny surface",
+]
+"""With a light and a scheme that others have too: quick tests compare their kernels with the reference, no more."""
 
 
 def in_turn(parameters: Mapping[str, Any]) -> bool:
+<<<<<<< HEAD
     """Whether a test of these parameters, `name` and `precision`, is a quick one."""
     return bool(PRECISION_IN_TURN.get(parameters["name"], parameters["precision"]) == parameters["precision"])
+=======
+    """Whether a test of these parameters, `name` and `precision`, is a quick one, if it is of the reference."""
+    return PRECISION_IN_TURN.get(parameters["name"]) in (parameters["precision"], None)
+
+
+def one_material_in_turn(parameters: Mapping[str, Any]) -> bool:
+    """The same of a test of orderings."""
+    return parameters["name"] not in OTHER_MATERIALS and in_turn(parameters)
+>>>>>>> suite
 
 
 def random_problem(

@@ -90,16 +90,14 @@ def every_kernel(device: ps.Device, problem: Problem) -> list[tuple[list[str], d
 
 
 def test_arguments_are_those_of_the_compiler(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    # A constant that is not used makes a program of its own. PoCL tells of arguments without being asked to keep them.
-    own = {} if device.is_pocl else {"ONLY_TO_ASK_FOR_ARGUMENTS": 1}
     usual = cl.Program.build
-    if own:
-        monkeypatch.setattr(cl.Program, "build", lambda self, options: usual(self, [*options, "-cl-kernel-arg-info"]))
+    monkeypatch.setattr(cl.Program, "build", lambda self, options: usual(self, [*options, "-cl-kernel-arg-info"]))
     problem = random_problem(1, (4, 4))
     fields = list(problem.kernel_arguments.parameters)
     about, private = cl.kernel_arg_info, cl.kernel_arg_address_qualifier.PRIVATE
     for files, constants, function in every_kernel(device, problem):
-        built = program(device, files, "float32", {**constants, **own}, fields)
+        # A constant that is not used makes a program of its own.
+        built = program(device, files, "float32", {**constants, "ONLY_TO_ASK_FOR_ARGUMENTS": 1}, fields)
         compiled = cl.Kernel(built, function)
         expected = [
             (

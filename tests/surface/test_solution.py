@@ -228,8 +228,8 @@ def test_saving_to_a_folder_writes_all_or_nothing(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
-    if exists:  # pictures are files like the others
-        monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
+    # Pictures are files like the others.
+    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
     folder = tmp_path / "above" / "folder"
     if exists:
         folder.mkdir(parents=True)
