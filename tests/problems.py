@@ -66,10 +66,6 @@ OTHER_MATERIALS = [
 
 
 def in_turn(parameters: Mapping[str, Any]) -> bool:
-<<<<<<< HEAD
-    """Whether a test of these parameters, `name` and `precision`, is a quick one."""
-    return bool(PRECISION_IN_TURN.get(parameters["name"], parameters["precision"]) == parameters["precision"])
-=======
     """Whether a test of these parameters, `name` and `precision`, is a quick one, if it is of the reference."""
     return PRECISION_IN_TURN.get(parameters["name"]) in (parameters["precision"], None)
 
@@ -77,7 +73,6 @@ def in_turn(parameters: Mapping[str, Any]) -> bool:
 def one_material_in_turn(parameters: Mapping[str, Any]) -> bool:
     """The same of a test of orderings."""
     return parameters["name"] not in OTHER_MATERIALS and in_turn(parameters)
->>>>>>> suite
 
 
 def random_problem(

@@ -58,6 +58,13 @@ class BatchResult:
         Where there is no output, and no error.
     error : PersfsError or None
         Why there is no surface.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> for result in ps.batch("no such folder"):
+    ...     print(result.path, result.solution, result.record.status, type(result.error).__name__)
+    no such folder None failed InputError
     """
 
     path: Path

@@ -279,11 +279,7 @@ IN_ONE_PRECISION: dict[Ordering, str] = {
 
 def needed(parameters: Mapping[str, Any]) -> bool:
     """Whether a test of these parameters, `ordering` and `precision`, is a quick one."""
-<<<<<<< HEAD
-    return bool(IN_ONE_PRECISION.get(parameters["ordering"], parameters["precision"]) == parameters["precision"])
-=======
     return IN_ONE_PRECISION.get(parameters["ordering"]) in (parameters["precision"], None)
->>>>>>> suite
 
 
 @pytest.mark.quick_where(holds=needed)

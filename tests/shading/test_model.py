@@ -25,23 +25,13 @@ each_material = pytest.mark.parametrize("material", MATERIALS, ids=lambda materi
 
 def materials_in_turn(parameters: Mapping[str, Any]) -> bool:
     """Whether a test is a quick one: rough materials in single precision, shiny ones in double, matt ones in both."""
-<<<<<<< HEAD
-    if parameters["material"] == ps.Lambertian():
-        return True
-    return bool(isinstance(parameters["material"], ps.OrenNayar) == (parameters["precision"] == "float32"))
-=======
     other = "float64" if isinstance(parameters["material"], ps.OrenNayar) else "float32"
     return isinstance(parameters["material"], ps.Lambertian) or bool(parameters["precision"] != other)
->>>>>>> suite
 
 
 def schemes_in_turn(parameters: Mapping[str, Any]) -> bool:
     """Likewise, for the schemes."""
-<<<<<<< HEAD
-    return bool((parameters["scheme"] == "upwind") == (parameters["precision"] == "float32"))
-=======
     return bool(parameters["precision"] == ("float32" if parameters["scheme"] == "upwind" else "float64"))
->>>>>>> suite
 
 
 materials_take_turns = pytest.mark.quick_where(holds=materials_in_turn)
