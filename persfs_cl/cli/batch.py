@@ -15,9 +15,11 @@ from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
 from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
+from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, spelling
 from persfs_cl.errors import InputError, PersfsError, Worded
+from persfs_cl.io.video import frame_slice
 from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, workforce
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
@@ -34,6 +36,12 @@ from persfs_cl.solver.options import Options, complete
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
 from persfs_cl.told import hearing
 from persfs_cl.wording import Spelling
+
+
+def _scheduler(text: str) -> str | Path:
+    """Addresses have a colon before the port."""
+    return text if ":" in text else Path(text)
+
 
 _INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
 _INPUT_FAILED = 1
@@ -135,9 +143,11 @@ def batch(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Have it done by the workers of this scheduler of Dask, those with the resource 'device'.",
+            help="Have it done by the workers of this scheduler of Dask, those with the resource 'device': its "
+            "address, or the file that it describes itself in.",
             rich_help_panel=_WORK,
         ),
+        MayBePath(_scheduler),
     ] = None,
     memory: Annotated[
         str | None,
@@ -160,17 +170,21 @@ def batch(
     kinds: dict[str, Again] = {"--overwrite": "all", "--skip-existing": "none", "--retry-failed": "failed"}
     again: Again = kinds[chosen[0]] if chosen else "changed"
     if cameras is not None and camera != CameraChoice():
-        raise typer.BadParameter("give a table, or one camera for all, not both.", param_hint="'--cameras'")
+        raise typer.BadParameter(
+            "give a table, or one camera for all by --focal-length, --fov or --principal-point, not both.",
+            param_hint="'--cameras'",
+        )
     if mask is not None and masks is not None:
-        raise typer.BadParameter("give one mask for all, or a folder of them, not both.", param_hint="'--masks'")
+        raise typer.BadParameter(
+            "give one mask for all, or a folder of them, not both.", param_hint="'--mask' / '--masks'"
+        )
     saving = chosen_saving(save, mesh_faces)
     share, room = _share(shard), _bytes(memory)
     try:
         complete({**keywords, "light": light, "reflectance": reflectance})
+        frame_slice(frames)
     except InputError as error:
         raise WrongOption(error) from error
-    if masks is not None and not masks.is_dir():
-        raise typer.BadParameter(f"{masks} is no folder: name the one that the masks are in.", param_hint="'--masks'")
     plan = Plan(
         camera,
         None if cameras is None else read_cameras(cameras),
@@ -185,6 +199,7 @@ def batch(
         keywords,
         saving,
     )
+    plan.require_files()
     store = store_for(output)
     root = store.root if isinstance(store, FolderStore) else None
     if root is not None and root.exists() and not root.is_dir():
@@ -195,20 +210,29 @@ def batch(
     if dry_run:
         _look(whole, spell)
         return
-    workers = workforce(plan, store, keywords["device"], room, scheduler)
     tally = Tally(spell)
+    if not listing.inputs:
+        # Such as a path with a slip in it: nothing is made for that.
+        typer.echo("".join(f"persfs-cl: {place}: {_worded(why, spell)}\n" for place, why in listing.problems), err=True)
+        raise typer.Exit(_INPUT_FAILED)
+    try:
+        workers = workforce(plan, store, keywords["device"], room, scheduler)
+    except InputError as error:
+        raise WrongOption(error) from error
     with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
         interrupted()
         with progress_bar(whole, tally) as show:
             for result in whole.results(workers, interrupted):
                 tally.add(result)
-                if result.error is None and root is not None:
-                    typer.echo(root / result.name)
-                show()
+                show(f"{store}/{result.name}" if result.error is None else "")
         stopped = interrupted()
     tally.skipped = whole.skipped
-    names = publish(store, title=_title(paths), parameters=plan.parameters())
     typer.echo(tally.table(), err=True, nl=False)
+    try:
+        names = publish(store, title=_title(paths), parameters=plan.parameters())
+    except InputError:
+        typer.echo(tally.summary(), err=True)
+        raise
     typer.echo(f"{tally.summary()} See {store}/{names[0]}.", err=True)
     if stopped:
         raise typer.Exit(INTERRUPTED)

@@ -9,9 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from persfs_cl.pipeline.batch import Batch, BatchResult
 from persfs_cl.wording import Spelling
@@ -80,17 +82,19 @@ class Tally:
 
 
 @contextmanager
-def progress_bar(whole: Batch, tally: Tally) -> Iterator[Callable[[], None]]:
+def progress_bar(whole: Batch, tally: Tally) -> Iterator[Callable[[str], None]]:
     """A bar on standard error with counts, rate, time left and failures; nothing when that is not a terminal.
 
     Yields
     ------
     callable
-        To be called after each result.
+        To be called after each result, with a line for standard output or "".
     """
     if not sys.stderr.isatty():
-        yield lambda: None
+        yield _print
         return
+    # Where both go to one terminal, the bar makes room for lines.
+    shared = sys.stdout.isatty()
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -99,12 +103,16 @@ def progress_bar(whole: Batch, tally: Tally) -> Iterator[Callable[[], None]]:
         TimeRemainingColumn(compact=True),
         TextColumn("[red]{task.fields[failed]}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
         task = bar.add_task("photos", total=whole.total, rate="", failed="")
         shown = began = time.perf_counter()
 
-        def show() -> None:
+        def show(line: str) -> None:
             nonlocal shown
+            if line and shared:
+                bar.console.print(Text(line), soft_wrap=True)
+            else:
+                _print(line)
             now = time.perf_counter()
             if now - shown < _EVERY:
                 return
@@ -117,3 +125,8 @@ def progress_bar(whole: Batch, tally: Tally) -> Iterator[Callable[[], None]]:
             )
 
         yield show
+
+
+def _print(line: str) -> None:
+    if line:
+        typer.echo(line)

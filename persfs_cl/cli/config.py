@@ -24,8 +24,12 @@ from persfs_cl.cli.spelling import WrongOption, spelling
 
 _CONFIG, _DUMP = "config", "dump_config"
 _APART = (_CONFIG, _DUMP, "output")
-_ALTERNATIVES = (frozenset({"focal_length", "fov"}),)
-"""Options that say the same in two ways: one that is given sets the others aside that stood in an earlier place."""
+_ALTERNATIVES = (
+    frozenset({"focal_length", "fov", "cameras"}),
+    frozenset({"mask", "masks"}),
+    frozenset({"overwrite", "skip_existing", "retry_failed"}),
+)
+"""Options that say one thing in several ways: what is given sets the others aside that stood in an earlier place."""
 
 _LARGEST = 2**20
 """Bytes of a file; a photo that is given by mistake has more."""

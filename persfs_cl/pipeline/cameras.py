@@ -136,7 +136,8 @@ def _table(path: Path, rows: Iterable[tuple[str, str, Mapping[str, Any]]]) -> Ca
         try:
             found[key] = replace(_choice(row), table=path.name)
         except (CameraError, InputError) as error:
-            raise error.at(f"{place}, {name!r}") from error
+            # The words of a table are not those of a command's options.
+            raise type(error)(f"{place}, {name!r}: {error}") from error
         places[key] = place
     if not found:
         raise InputError(f"{path} has no row: write one for each photo.")

@@ -84,7 +84,7 @@ def list_inputs(
       stands for what is in it;
     - a list: a file `.txt` or `.lst` in UTF-8 with a path a line, relative to the folder of the list. Blank lines, and
       those that begin with ``#``, are left out. ``-`` is a list on standard input, relative to the working directory;
-      there, a zero byte ends each path if there are any. A list may name whatever can be given but lists;
+      there as in files, a zero byte ends each path if there are any. A list may name whatever can be given but lists;
     - a video: its frames. Videos in folders are left out.
 
     Results are named by the path below the folder that was given, or below the fixed part of a pattern. A file that is
@@ -227,6 +227,10 @@ class _Lister:
         self.roots[base or "."] = None
         named, troubles = 0, len(self.problems)
         ended = b"\0" in data
+        if ended and (data.startswith(b"\0") or b"\0\0" in data):
+            # No program that lists files writes an empty name. Of a photo every few bytes would be taken for a path.
+            self._refuse(path, f"{within} holds no text: give photos by themselves, and paths of photos in a list.")
+            return
         for number, line in enumerate(data.removeprefix(b"\xef\xbb\xbf").split(b"\0" if ended else b"\n"), 1):
             try:
                 text = os.fsdecode(line) if ended else line.decode().strip()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
@@ -10,6 +11,8 @@ from persfs_cl.io.files import PREFIX
 
 OF_THE_BATCH = frozenset({"index.html", "contact.jpg", "summary.csv", "manifest"})
 """What a batch itself writes at the top of its output, in small letters."""
+_UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\udc80-\udcff]")
+"""Ends of lines, other signs that control a terminal, and bytes that are no UTF-8 as Python has them."""
 
 
 def result_names(wanted: Sequence[str], places: Sequence[str]) -> list[str]:
@@ -49,10 +52,11 @@ def safe(name: str) -> str:
     """A name, changed where it would be taken for something else than a result.
 
     An underscore stands before a first part that the batch itself writes, and before a part that looks like a temporary
-    file. Bytes that are no UTF-8 are written as two digits after a percent sign.
+    file. Bytes that are no UTF-8, ends of lines and other control characters are written as two digits after a percent
+    sign, each byte: names are printed, one a line, and stand in tables and pages.
     """
-    if not name.isascii():
-        name = _as_text(name)
+    if not name.isprintable():
+        name = _UNPRINTED.sub(_digits, name)
     first, slash, rest = name.partition("/")
     # Underscores that are there already count, so that no two names become one.
     if first.lstrip("_").casefold() in OF_THE_BATCH:
@@ -84,10 +88,5 @@ def _clashing(names: Sequence[str]) -> list[int]:
     return [index for index, name in enumerate(names) if name in heads or not heads.isdisjoint(ancestors([name]))]
 
 
-def _as_text(name: str) -> str:
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        data = name.encode("utf-8", "surrogateescape")
-        return data.decode("utf-8", "backslashreplace").replace("\\x", "%")
-    return name
+def _digits(sign: re.Match[str]) -> str:
+    return "".join(f"%{byte:02x}" for byte in os.fsencode(sign[0]))

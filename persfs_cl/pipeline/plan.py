@@ -10,6 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import opened
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import CameraTable
 from persfs_cl.pipeline.job import Job
@@ -90,6 +92,21 @@ class Plan:
             frame=one.frame,
         )
 
+    def require_files(self) -> None:
+        """Look at what all photos have in common once, rather than find it missing for each of them.
+
+        Raises
+        ------
+        InputError
+            When a file for all photos cannot be opened, or `masks` is no folder.
+        """
+        if self.masks is not None and not self.masks.is_dir():
+            raise InputError(f"{self.masks} is no folder: name the one that the masks are in.")
+        for file in (self.mask, self.walls, self.known_depth, self.albedo, *vars(self.brightness).values()):
+            if isinstance(file, Path):
+                with opened(file):
+                    pass
+
     def parameters(self) -> dict[str, Any]:
         """All of it, as plain values for people to read."""
         return {
@@ -101,18 +118,23 @@ class Plan:
             "reflectance": _plain(self.reflectance),
             **{name: value for name, value in self._completed().items() if name not in ("light", "reflectance")},
             "files": list(self.saving.files),
+            **({"mesh_faces": self.saving.mesh_faces} if self.saving.meshes else {}),
         }
 
     def parameter_hash(self, job: Job) -> str:
         """What changes whenever another result is to be expected of the same files."""
         says = {
             "camera": _plain(_same_of_pixels(job.camera.said)),
-            "brightness": _plain(job.brightness),
+            # Of files counts what is in them, by the input hash, and not where they are.
+            "brightness": {
+                name: "file" if isinstance(value, Path) else value for name, value in vars(job.brightness).items()
+            },
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),
             "frame": job.frame,
-            "saving": _plain(self.saving),
+            "files": self.saving.files,
+            "mesh_faces": self.saving.mesh_faces if self.saving.meshes else None,
         }
         return _digest(json.dumps(says, sort_keys=True, default=_plain).encode())
 

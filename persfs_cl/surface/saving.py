@@ -79,8 +79,8 @@ class Saving:
         Parameters
         ----------
         items : str or iterable of str
-            Groups ("depth", "normals", "mesh", "pictures", "preview", "report") and names of single files, such as
-            "mesh.glb"; a text has commas between them.
+            Groups ("depth", "normals", "mesh", "pictures", "preview", "page", "report") and names of single files,
+            such as "mesh.glb"; a text has commas between them.
         mesh_faces : int or None
             As the attribute; 0 stands for None.
 
@@ -109,6 +109,11 @@ class Saving:
         if not wanted:
             raise InputError.about("save", items, f"names nothing to write: give items, such as {', '.join(GROUPS)}.")
         return cls(tuple(file for file in FILES if file in wanted), as_mesh_faces(mesh_faces))
+
+    @property
+    def meshes(self) -> list[str]:
+        """Those of the files that hold a mesh."""
+        return [file for file in self.files if file in _MESHES]
 
     def without(self, *items: str) -> Saving:
         """The same without the files of some items; there may be none left.

@@ -275,12 +275,11 @@ def write_files(
     possible = drawings(solution, derived, solution.changes, solution.parameters["tolerance"])
     written += draw_all(folder, {file: possible[file] for file in saving.files if file in possible})
     derived.release()
-    meshes = [file for file in saving.files if file.startswith("mesh.")]
-    if meshes:
+    if saving.meshes:
         mesh = solution.mesh(colour, mesh_faces=saving.mesh_faces)
-        for file in meshes:
+        for file in saving.meshes:
             write_mesh(folder / file, mesh)
-    return [*written, *meshes]
+    return [*written, *saving.meshes]
 
 
 def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -12,7 +14,11 @@ from command import run
 from PIL import Image
 
 import persfs_cl as ps
+from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.io.export import write_grey
+from persfs_cl.pipeline.batch import Batch
+from persfs_cl.pipeline.listing import Listing
+from persfs_cl.pipeline.plan import Plan
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
 FLASH = ("--light", "flash", "--focal-length", "24")
@@ -104,10 +110,11 @@ def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
         (("--shard", "half"), ("--shard", "half", "2/8")),
         (("--memory", "much"), ("--memory", "much", "8G")),
         (("--memory", "0"), ("--memory", "0")),
-        (("--masks", "nowhere"), ("--masks", "nowhere", "no folder")),
         (("--save", "everything"), ("everything", "depth")),
         (("--cameras", "cameras.csv"), ("--cameras", "not both")),
-        (("--frames", "a:b"), ("frames", "a:b")),
+        (("--mask", "a.png", "--masks", "."), ("--mask", "not both")),
+        (("--frames", "a:b"), ("--frames a:b",)),
+        (("--scheduler", "tcp://localhost:1", "--device", "all"), ("--device all",)),
         (("--scheme", "upwinds"), ("upwinds",)),
     ],
 )
@@ -115,10 +122,59 @@ def test_wrong_options_are_refused_before_any_work(
     photos: Path, tmp_path: Path, options: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH, *options)
-    assert outcome.status in (1, 2)
+    assert outcome.status == 2
     for word in words:
         assert word in outcome.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("option", ["--mask", "--walls", "--known-depth", "--albedo", "--ambient", "--masks"])
+def test_what_all_photos_have_in_common_must_be_there(photos: Path, tmp_path: Path, option: str) -> None:
+    outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH, option, tmp_path / "gone.png")
+    assert outcome.status == 1
+    assert outcome.stderr.count("gone.png") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_where_nothing_can_be_used_nothing_is_made(photos: Path, tmp_path: Path) -> None:
+    outcome = run("batch", tmp_path / "gone", photos / "gone*", "-o", tmp_path / "out", *FLASH)
+    assert outcome.status == 1
+    assert "gone does not exist" in outcome.stderr
+    assert "gone* fits no image" in outcome.stderr
+    assert not (tmp_path / "out").exists()
+    before = sorted(photos.rglob("*"))
+    outcome = run("batch", photos, "-o", photos, *FLASH)
+    assert outcome.status == 1
+    assert "choose another output" in outcome.stderr
+    assert sorted(photos.rglob("*")) == before
+
+
+def test_what_failed_is_told_where_the_page_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "text.png").write_text("no image")
+    (tmp_path / "out" / "index.html").mkdir(parents=True)
+    outcome = run("batch", tmp_path / "in", "-o", tmp_path / "out", *FLASH)
+    assert outcome.status == 1
+    assert "persfs-cl: text.png: " in outcome.stderr
+    assert "1 failed." in outcome.stderr
+    assert "index.html is not a regular file" in outcome.stderr
+
+
+def test_lines_and_bar_share_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdout", screen)
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress_bar(Batch(Listing([], []), Plan(), None), Tally(str)) as show:
+        show("out/[a]" + "b" * 200)
+        show("")
+    printed = next(line for line in screen.getvalue().split("\n") if "[a]" in line)
+    # From the beginning of a line, and in one piece.
+    assert re.search(r"(?:^|\x1b\[2K)out/\[a\]b{200}$", printed)
 
 
 def test_output_that_is_a_file_is_refused(photos: Path, tmp_path: Path) -> None:

@@ -73,6 +73,29 @@ def test_paths_start_at_the_folder_of_the_file(photo: Path, tmp_path: Path, monk
     assert values["vignetting"] == "cos4"
 
 
+@pytest.mark.parametrize(
+    ("line", "arguments", "left"),
+    [
+        ('cameras = "c.csv"', ("--fov", "50"), "fov = 50.0"),
+        ("fov = 50", ("--cameras", "c.csv"), f'cameras = "{Path.cwd() / "c.csv"}"'),
+        ('masks = "m"', ("--mask", "m.png"), f'mask = "{Path.cwd() / "m.png"}"'),
+        ("overwrite = true", ("--retry-failed",), "retry-failed = true"),
+    ],
+)
+def test_what_is_given_sets_its_alternatives_aside(
+    line: str, arguments: tuple[str, ...], left: str, tmp_path: Path
+) -> None:
+    outcome = run("batch", "--config", written(tmp_path / "a.toml", line), *arguments, "--dump-config")
+    assert outcome.status == 0
+    assert [each for each in outcome.stdout.splitlines() if each and not each.startswith("#")] == [left]
+
+
+def test_a_scheduler_may_be_a_file_or_an_address(tmp_path: Path) -> None:
+    for said, meant in (("s.json", str(tmp_path / "s.json")), ("tcp://host:8786", "tcp://host:8786")):
+        outcome = run("batch", "--config", written(tmp_path / "a.toml", f'scheduler = "{said}"'), "--dump-config")
+        assert f'\nscheduler = "{meant}"\n' in outcome.stdout
+
+
 def test_a_later_file_wins_name_by_name(tmp_path: Path) -> None:
     first = written(tmp_path / "first.toml", "focal-length = 590", "tolerance = 1e-3", 'light = "flash"')
     second = written(tmp_path / "second.toml", "fov = 40", "tolerance = 1", "falloff = false")

@@ -82,9 +82,31 @@ def test_other_parameters_are_reason_to_do_it_again(folder: Path, store: FolderS
     for plan in plans:
         assert pretend(folder, store, plan=plan)[0] == NAMES
         assert pretend(folder, store, plan=plan)[0] == []
-    # What is said with other words is no other parameter, nor is the device.
+    # What is said with other words is no other parameter, nor is the device, nor how fine a mesh is that is not saved.
     same = replace(plans[-1], camera=CameraChoice((30.0, 30.0)), keywords={"precision": "float32", "device": 0})
+    same = replace(same, saving=Saving.of("depth", 1000))
     assert pretend(folder, store, plan=same)[0] == []
+    meshes = [replace(PLAN, saving=Saving.of("mesh", faces)) for faces in (0, 1000)]
+    for plan in meshes:
+        assert pretend(folder, store, plan=plan)[0] == NAMES
+
+
+def test_of_a_file_counts_what_is_in_it_and_not_where_it_is(
+    folder: Path, store: FolderStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = np.full(SHAPE, 0.001)
+    np.save(tmp_path / "one.npy", image)
+    np.save(tmp_path / "two.npy", image)
+    monkeypatch.chdir(tmp_path)
+
+    def plan(file: str | Path) -> Plan:
+        return replace(PLAN, brightness=replace(PLAN.brightness, ambient=Path(file)))
+
+    assert pretend(folder, store, plan=plan(tmp_path / "one.npy"))[0] == NAMES
+    assert pretend(folder, store, plan=plan("one.npy"))[0] == []
+    assert pretend(folder, store, plan=plan("two.npy"))[0] == []
+    np.save(tmp_path / "two.npy", 2 * image)
+    assert pretend(folder, store, plan=plan("two.npy"))[0] == NAMES
 
 
 def test_other_files_are_reason_to_do_it_again(folder: Path, store: FolderStore, tmp_path: Path) -> None:

@@ -120,7 +120,17 @@ def test_lists(here: Path) -> None:
     assert listing.roots == (Path("l"),)
     standard = list_inputs(["-"], read_stdin=lambda: b"x.png\n#\ncl*\nl/a\n")
     assert named(standard) == ["b.png", "clip/1.png", "x.png"]
-    assert named(list_inputs(["-"], read_stdin=lambda: b"# odd\n.png\0y.png\0")) == ["# odd\n.png", "y.png"]
+    assert named(list_inputs(["-"], read_stdin=lambda: b"# odd\n.png\0y.png\0")) == ["# odd%0a.png", "y.png"]
+
+
+def test_a_photo_in_place_of_a_list_is_no_list_of_paths(here: Path) -> None:
+    make(here, "x.png")
+    for data in (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0.\0x.png\0", b"\0.\0"):
+        listing = list_inputs(["-"], read_stdin=lambda data=data: data)  # type: ignore[misc]
+        assert listing.inputs == []
+        ((given, said),) = why(listing)
+        assert given == "-"
+        assert "standard input holds no text: give photos by themselves" in said
 
 
 def test_what_cannot_be_used_is_told_by_name_and_the_rest_goes_on(here: Path) -> None:
@@ -196,6 +206,7 @@ def test_names_are_safe(tmp_path: Path) -> None:
     assert safe("s/.persfs-cl-1.png") == "s/_.persfs-cl-1.png"
     assert safe("contact.jpg") == "_contact.jpg"
     assert safe(os.fsdecode("é".encode() + b"\xff.png")) == "é%ff.png"
+    assert safe("a\nb\x1b[31m\u2028 \u3000é.png") == "a%0ab%1b[31m%e2%80%a8 \u3000é.png"
     # Nothing but their names told these apart.
     (tmp_path / "odd").mkdir()
     make(tmp_path / "odd", "é%ff.png", os.fsdecode("é".encode() + b"\xff.png"))

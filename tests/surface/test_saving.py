@@ -18,7 +18,7 @@ def test_groups_and_files_become_names_in_one_order() -> None:
         "mesh.glb",
     )
     assert Saving.of(["normals", "normals.npy"]) == Saving(("normals.npy", "normals.png"), DEFAULT_MESH_FACES)
-    assert Saving.of(tuple(GROUPS)).without("pictures", "preview", "depth.tiff").files == (
+    assert Saving.of(tuple(GROUPS)).without("pictures", "page", "depth.tiff").files == (
         "depth.npy",
         "report.json",
         "mesh.ply",
@@ -42,7 +42,10 @@ def test_all_triangles_are_kept_on_request(none: int | None) -> None:
 @pytest.mark.parametrize(
     ("items", "message"),
     [
-        ("depth,mash", r"item 'mash', which is none: .*depth, normals, mesh, pictures, preview, report, .*mesh\.glb"),
+        (
+            "depth,mash",
+            r"item 'mash', which is none: .*depth, normals, mesh, pictures, preview, page, report, .*mesh\.glb",
+        ),
         ("mesh.xyz", r"'mesh\.xyz'"),
         ("", "names nothing"),
         ([], "names nothing"),
