@@ -45,7 +45,7 @@ def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path:
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite").status == 0
     assert (out / "mine").read_text() == "mine"
     assert np.load(out / "depth.npy").shape == (HEIGHT, WIDTH)
-    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
 
 
 @pytest.mark.parametrize("existing", [False, True])
