@@ -22,8 +22,8 @@ from persfs_cl.cli.paper import paper
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.cli.render import render
 from persfs_cl.cli.signals import INTERRUPTED
-from persfs_cl.cli.spelling import WrongOption, spelling
-from persfs_cl.errors import DeviceError, PersfsError, Worded
+from persfs_cl.cli.spelling import WrongOption, in_words, spelling
+from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
 
 _INPUT_FAILED, _NO_DEVICE = 1, 3
@@ -166,7 +166,7 @@ class _Commands(TyperGroup):
             yield
 
     def _worded(self, ctx: Any, message: Warning | Exception | str) -> str:
-        return message.worded(self._spelling(ctx)) if isinstance(message, Worded) else str(message)
+        return in_words(message, self._spelling(ctx))
 
     def _spelling(self, ctx: Any) -> Spelling:
         return spelling(self.commands[ctx.invoked_subcommand].params)

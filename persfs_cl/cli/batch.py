@@ -13,12 +13,19 @@ from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
-from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
+from persfs_cl.cli.options import (
+    AlbedoOption,
+    chosen_camera,
+    chosen_keywords,
+    chosen_light,
+    chosen_reflectance,
+    require_fitting,
+)
 from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
 from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.signals import INTERRUPTED
-from persfs_cl.cli.spelling import WrongOption, spelling
-from persfs_cl.errors import InputError, PersfsError, Worded
+from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
+from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
 from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, workforce
 from persfs_cl.pipeline.brightness import Brightness
@@ -32,7 +39,7 @@ from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
 from persfs_cl.pipeline.store import FolderStore, store_for
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Options, complete
+from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
 from persfs_cl.told import hearing
 from persfs_cl.wording import Spelling
@@ -162,7 +169,8 @@ def batch(
     """Reconstruct the surfaces that many photos show.
 
     Every photo has a folder of results, named after it: those of IN/a/b.png, where IN is given, are in DIR/a/b.png.
-    DIR/index.html shows all of them. The same command again does what is missing, failed or has changed.
+    DIR/index.html shows all of them. The same command again does what is missing, failed or has changed. --device all
+    uses every device.
     """
     options = {"--overwrite": overwrite, "--skip-existing": skip_existing, "--retry-failed": retry_failed}
     if len(chosen := [option for option, is_given in options.items() if is_given]) > 1:
@@ -180,8 +188,8 @@ def batch(
         )
     saving = chosen_saving(save, mesh_faces)
     share, room = _share(shard), _bytes(memory)
+    require_fitting(keywords, light, reflectance, brightness)
     try:
-        complete({**keywords, "light": light, "reflectance": reflectance})
         frame_slice(frames)
     except InputError as error:
         raise WrongOption(error) from error
@@ -213,7 +221,8 @@ def batch(
     tally = Tally(spell)
     if not listing.inputs:
         # Such as a path with a slip in it: nothing is made for that.
-        typer.echo("".join(f"persfs-cl: {place}: {_worded(why, spell)}\n" for place, why in listing.problems), err=True)
+        for place, why in listing.problems:
+            typer.echo(f"persfs-cl: {place}: {in_a_line(why, spell)}", err=True)
         raise typer.Exit(_INPUT_FAILED)
     try:
         workers = workforce(plan, store, keywords["device"], room, scheduler)
@@ -262,7 +271,7 @@ def _look(whole: Batch, spell: Spelling) -> None:
                 error = refusal
             else:
                 for heard in said:
-                    typer.echo(f"persfs-cl: {name}: warning: {_worded(heard.warning, spell)}", err=True)
+                    typer.echo(f"persfs-cl: {name}: warning: {in_a_line(heard.warning, spell)}", err=True)
                 usable, pixels = usable + 1, pixels + found.megapixels
                 height, width = found.size
                 camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
@@ -270,17 +279,13 @@ def _look(whole: Batch, spell: Spelling) -> None:
                 typer.echo(f"{name}\t{width} x {height}\t{camera}\t{mask}")
         if error is not None:
             failed += 1
-            typer.echo(f"persfs-cl: {name}: {_worded(error, spell)}", err=True)
+            typer.echo(f"persfs-cl: {name}: {in_a_line(error, spell)}", err=True)
     parts = [f"{usable} would be done, {pixels:.4g} million pixels"]
     parts += [f"{whole.skipped} were done before"] * bool(whole.skipped)
     parts += [f"{failed} cannot be used"] * bool(failed)
     typer.echo(f"{', '.join(parts)}. Nothing was done.", err=True)
     if failed:
         raise typer.Exit(_INPUT_FAILED)
-
-
-def _worded(message: Exception, spell: Spelling) -> str:
-    return " ".join((message.worded(spell) if isinstance(message, Worded) else str(message)).split())
 
 
 def _title(paths: list[str]) -> str:

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from persfs_cl.cli.spelling import in_a_line
 from persfs_cl.pipeline.batch import Batch, BatchResult
 from persfs_cl.wording import Spelling
 
@@ -48,7 +49,7 @@ class Tally:
         if result.error is not None:
             self.failed += 1
             if len(self.failures) < _SHOWN:
-                self.failures.append((result.name, " ".join(result.error.worded(self.spell).split())))
+                self.failures.append((result.name, in_a_line(result.error, self.spell)))
             return
         self.done += 1
         self.warned += bool(result.record.warnings)

@@ -14,10 +14,13 @@ from persfs_cl.cli.kinds import kind_chooser
 from persfs_cl.cli.numbers import finite_numbers
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lights import LIGHTS
 from persfs_cl.shading.materials import MATERIALS
-from persfs_cl.solver.options import Option, Options, described
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.options import Option, Options, complete, described
 
 _CAMERA, _LIGHT, _MATERIAL = "Camera", "Light", "Material"
 _EITHER = "'--focal-length' / '--fov'"
@@ -31,6 +34,26 @@ AlbedoOption = Annotated[
         rich_help_panel=_MATERIAL,
     ),
 ]
+
+
+def require_fitting(keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness) -> None:
+    """Refuse what does not go together, before any file is read.
+
+    Raises
+    ------
+    typer.BadParameter
+        When the light leaves nothing to normalise, or does not fit the other keywords.
+    """
+    for option, value in (
+        ("'--normalise'", brightness.normalise),
+        ("'--white-percentile'", brightness.white_percentile),
+    ):
+        if value not in (None, "none") and not light.normalised:
+            raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)
+    try:
+        complete({**keywords, "light": light, "reflectance": reflectance})
+    except InputError as error:
+        raise WrongOption(error) from error
 
 
 def chosen_camera(

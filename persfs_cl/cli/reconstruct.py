@@ -11,19 +11,24 @@ from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
-from persfs_cl.cli.options import AlbedoOption, chosen_camera, chosen_keywords, chosen_light, chosen_reflectance
+from persfs_cl.cli.options import (
+    AlbedoOption,
+    chosen_camera,
+    chosen_keywords,
+    chosen_light,
+    chosen_reflectance,
+    require_fitting,
+)
 from persfs_cl.cli.output import MeshFacesOption, SaveOption, check_folder, chosen_saving
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED
-from persfs_cl.cli.spelling import WrongOption
-from persfs_cl.errors import InputError
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, solve_photo
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Options, complete
+from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 
 _REGION = "Region and known values"
@@ -89,16 +94,7 @@ def reconstruct(
     preview.jpg, photo.jpg and relief.js.
     """
     saving = chosen_saving(save, mesh_faces)
-    for option, value in (
-        ("'--normalise'", brightness.normalise),
-        ("'--white-percentile'", brightness.white_percentile),
-    ):
-        if value not in (None, "none") and not light.normalised:
-            raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)
-    try:
-        complete({**keywords, "light": light, "reflectance": reflectance})
-    except InputError as error:
-        raise WrongOption(error) from error
+    require_fitting(keywords, light, reflectance, brightness)
     job = Job(
         photo,
         camera,

@@ -47,3 +47,13 @@ def spelling(parameters: Iterable[Any]) -> Spelling:
         return f"{option.opts[0]} {mention.typed or _KINDS.get(mention.kind, '')}".rstrip()
 
     return spell
+
+
+def in_words(message: Warning | Exception | str, spell: Spelling) -> str:
+    """An error or a warning in the words of a command."""
+    return message.worded(spell) if isinstance(message, Worded) else str(message)
+
+
+def in_a_line(message: Warning | Exception | str, spell: Spelling) -> str:
+    """The same where many are listed, each on a line."""
+    return " ".join(in_words(message, spell).splitlines())

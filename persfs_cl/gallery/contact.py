@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from persfs_cl.gallery.chosen import evenly_chosen
-from persfs_cl.gallery.preview import PHOTO, PREVIEW
 from persfs_cl.io.files import atomic_path
+from persfs_cl.surface.saving import PHOTO, SHADED
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -56,7 +56,7 @@ def write_contact_sheet(
     """
     from PIL import Image, ImageDraw
 
-    names = (str(record["name"]) for record in records if {PHOTO, PREVIEW} <= {*(record.get("files") or ())})
+    names = (str(record["name"]) for record in records if {PHOTO, SHADED} <= {*(record.get("files") or ())})
     chosen, count = evenly_chosen(names, most)
     if not chosen:
         return None
@@ -74,7 +74,7 @@ def write_contact_sheet(
     for number, name in enumerate(chosen):
         left = _MARGIN + number % columns * across
         top = _HEADING + number // columns * down
-        for place, file in enumerate((PHOTO, PREVIEW)):
+        for place, file in enumerate((PHOTO, SHADED)):
             _paste(sheet, output / name / file, left + place * (_SIDE + _GAP), top)
         label = _fitted(draw, _printable(name), small, across - _MARGIN)
         draw.text((left, top + _SIDE + 3), label, fill=_FAINT, font=small)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from persfs_cl.io.files import atomic_path, json_text
+from persfs_cl.surface.saving import PAGE
 
-INDEX = "index.html"
 MOST_ROWS = 50_000
 """Images that a page lists; a browser takes seconds to open one of more."""
 _MOST_FAILURES = 10_000
@@ -57,7 +57,7 @@ def write_index(
     InputError
         When the file cannot be written.
     """
-    target = output / INDEX
+    target = output / PAGE
     counts = _Counts()
     with (
         atomic_path(target) as temporary,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,8 @@ from persfs_cl.gallery.heights import heights_script
 from persfs_cl.gallery.reduced import Samples
 from persfs_cl.gallery.shaded import shaded
 from persfs_cl.io.files import atomic_path
+from persfs_cl.surface.saving import PHOTO, PREVIEW, RELIEF, SHADED
 from persfs_cl.surface.solved import SolvedSurface
-
-PREVIEW, PHOTO, RELIEF = "preview.jpg", "photo.jpg", "relief.js"
-"""Names of the files: the surface shaded, the photograph, and the surface to be turned."""
 
 _PREVIEW_LONGEST = 320
 _PHOTO_LONGEST = 640
@@ -25,7 +24,12 @@ _QUALITY = 85
 
 
 def write_preview(
-    folder: Path, solution: SolvedSurface, colour: NDArray[np.uint8] | None = None, *, name: str
+    folder: Path,
+    solution: SolvedSurface,
+    colour: NDArray[np.uint8] | None = None,
+    *,
+    name: str,
+    wanted: Collection[str] = PREVIEW,
 ) -> list[str]:
     """Write a picture of the surface, one of the photograph, and the surface for the page that turns it.
 
@@ -40,6 +44,8 @@ def write_preview(
         The photograph; what was solved is shown in grey when not given.
     name : str
         Of the image, as the page has it.
+    wanted : collection of str
+        Which of the files.
 
     Returns
     -------
@@ -52,16 +58,17 @@ def write_preview(
     InputError
         When a file cannot be written.
     """
-    photo = _photo(solution, colour)
-    files = {
-        PREVIEW: _jpeg(shaded(solution, Samples.of(_shape(solution), _PREVIEW_LONGEST))),
-        PHOTO: photo,
-        RELIEF: heights_script(solution, name, photo).encode("ascii"),
+    photo = _photo(solution, colour) if PHOTO in wanted or RELIEF in wanted else b""
+    made: dict[str, Callable[[], bytes]] = {
+        SHADED: lambda: _jpeg(shaded(solution, Samples.of(_shape(solution), _PREVIEW_LONGEST))),
+        PHOTO: lambda: photo,
+        RELIEF: lambda: heights_script(solution, name, photo).encode("ascii"),
     }
-    for file, data in files.items():
+    files = [file for file in PREVIEW if file in wanted]
+    for file in files:
         with atomic_path(folder / file) as temporary:
-            temporary.write_bytes(data)
-    return list(files)
+            temporary.write_bytes(made[file]())
+    return files
 
 
 def _photo(solution: SolvedSurface, colour: NDArray[np.uint8] | None) -> bytes:

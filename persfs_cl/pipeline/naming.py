@@ -7,9 +7,13 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
+from persfs_cl.gallery.contact import CONTACT
+from persfs_cl.gallery.summary import SUMMARY
 from persfs_cl.io.files import PREFIX
+from persfs_cl.pipeline.manifest import FOLDER
+from persfs_cl.surface.saving import PAGE
 
-OF_THE_BATCH = frozenset({"index.html", "contact.jpg", "summary.csv", "manifest"})
+OF_THE_BATCH = frozenset({PAGE, CONTACT, SUMMARY, FOLDER})
 """What a batch itself writes at the top of its output, in small letters."""
 _UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\udc80-\udcff]")
 """Ends of lines, other signs that control a terminal, and bytes that are no UTF-8 as Python has them."""

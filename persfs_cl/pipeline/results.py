@@ -136,8 +136,7 @@ def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | No
     with filling(folder) as temporary:
         written = write_files(temporary, solution, saving, derived, colour=solved.photo.colour, report=report)
         if not set(PREVIEW).isdisjoint(saving.files):
-            colour = solved.photo.colour
-            written += write_preview(temporary, solution, colour, name=title)
+            written += write_preview(temporary, solution, solved.photo.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:
             about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.photo.path), "status": "done"}
             written.append(write_index(temporary, [about], title=title, parameters=solution.parameters).name)

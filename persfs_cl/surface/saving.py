@@ -12,8 +12,9 @@ from persfs_cl.wording import keyword
 DEFAULT_MESH_FACES = 500_000
 """A mesh of more is simplified unless told otherwise: viewers turn so many with ease."""
 
-PREVIEW = ("preview.jpg", "photo.jpg", "relief.js")
-"""What a page with many results shows of one."""
+SHADED, PHOTO, RELIEF = "preview.jpg", "photo.jpg", "relief.js"
+PREVIEW = (SHADED, PHOTO, RELIEF)
+"""What a page with many results shows of one: the surface shaded, the photograph, and the surface to be turned."""
 PAGE = "index.html"
 """A page about this result alone, on which it can be turned."""
 

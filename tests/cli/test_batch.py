@@ -113,6 +113,7 @@ def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
         (("--save", "everything"), ("everything", "depth")),
         (("--cameras", "cameras.csv"), ("--cameras", "not both")),
         (("--mask", "a.png", "--masks", "."), ("--mask", "not both")),
+        (("--normalise", "grey"), ("--normalise", "leave it out")),
         (("--frames", "a:b"), ("--frames a:b",)),
         (("--scheduler", "tcp://localhost:1", "--device", "all"), ("--device all",)),
         (("--scheme", "upwinds"), ("upwinds",)),

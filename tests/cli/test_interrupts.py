@@ -70,7 +70,7 @@ def test_a_signal_that_comes_twice_at_once_keeps_what_there_is(
     assert outcome.status == 130
     assert strict(tmp_path / "out" / "report.json")["status"] == "STOPPED"
     assert strict(tmp_path / "out" / "report.json")["iterations"] == 2
-    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
 
 
 @pytest.mark.usefixtures("ctrl_c")

@@ -11,7 +11,6 @@ import pytest
 import trimesh
 from command import FOCAL, HEIGHT, WIDTH, names, run
 
-import persfs_cl as ps
 from persfs_cl.io import files
 
 
@@ -45,7 +44,7 @@ def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path:
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite").status == 0
     assert (out / "mine").read_text() == "mine"
     assert np.load(out / "depth.npy").shape == (HEIGHT, WIDTH)
-    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
 
 
 @pytest.mark.parametrize("existing", [False, True])
@@ -61,7 +60,7 @@ def test_full_disk_leaves_nothing_behind(
         (out / "depth.npy").write_text("old")
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
     if existing:  # pictures are files like the others
-        monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
+        monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     assert (outcome.status, outcome.stdout) == (1, "")
     assert f"{out / 'mesh.ply'} cannot be written: No space left on device" in outcome.stderr
@@ -78,7 +77,7 @@ def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: 
     left.mkdir(parents=True)
     (left / "depth.npy").write_text("half")
     assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
-    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
 
 
 def test_what_is_written_can_be_chosen(photo: Path, tmp_path: Path) -> None:

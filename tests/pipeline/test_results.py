@@ -19,7 +19,7 @@ from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import EVERYTHING, PhotoSolution, write
 from persfs_cl.surface import geometry
 from persfs_cl.surface import render as forward
-from persfs_cl.surface.saving import Saving
+from persfs_cl.surface.saving import PREVIEW, Saving
 
 BATCH = Saving.of("depth,normals,preview,report")
 
@@ -41,6 +41,12 @@ def test_only_what_is_wanted_is_written(solved: PhotoSolution, tmp_path: Path) -
     assert "photo.png" in (tmp_path / "some" / "relief.js").read_text()
     write(solved, tmp_path / "named", Saving.of("preview"), name="a/b.png")
     assert "a/b.png" in (tmp_path / "named" / "relief.js").read_text()
+
+
+@pytest.mark.parametrize("file", [*PREVIEW, "index.html", "normals.npy", "mesh.glb"])
+def test_a_file_may_be_wanted_alone(solved: PhotoSolution, tmp_path: Path, file: str) -> None:
+    written = write(solved, tmp_path / "one", Saving.of(file))
+    assert written == [tmp_path / "one" / file] == list((tmp_path / "one").iterdir())
 
 
 def test_everything_has_the_same_files_and_more(solved: PhotoSolution, tmp_path: Path) -> None:

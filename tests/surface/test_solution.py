@@ -211,7 +211,7 @@ def test_a_folder_may_have_a_dot_in_its_name(
     exists: bool, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Pictures take far longer than the rest.
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
     folder = tmp_path / "run.2"
     if exists:
         folder.mkdir()
@@ -229,7 +229,7 @@ def test_saving_to_a_folder_writes_all_or_nothing(
 
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
     # Pictures are files like the others.
-    monkeypatch.setattr(ps.Solution, "_draw", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
     folder = tmp_path / "above" / "folder"
     if exists:
         folder.mkdir(parents=True)
