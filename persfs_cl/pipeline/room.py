@@ -14,7 +14,7 @@ _BYTES_PER_DRAWING = 64 * 2**20
 """Of one that has drawings, which have a size of their own."""
 # The most that was seen over reading, preparing, solving and writing, with a third to spare: of one photo alone, of 1.4
 # million pixels, under all lights, in both orders and precisions, with all maps. Without maps it is about half of that.
-_BYTES_PER_PIXEL = 300
+_BYTES_PER_PIXEL = 350
 _OF_DRAWINGS, _OF_MESHES, _OF_TEXTS = 500, 750, 1300
 _OF_ROUNDS = 250
 """Besides, where the image is corrected and solved again."""
