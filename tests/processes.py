@@ -75,7 +75,7 @@ def wait_until(holds: Callable[[], bool]) -> None:
     until = time.monotonic() + _PATIENCE
     while not holds():
         assert time.monotonic() < until
-        time.sleep(0.03)
+        time.sleep(0.05)
 
 
 @contextmanager

@@ -13,9 +13,11 @@ _BYTES_PER_PHOTO = 8 * 2**20
 _BYTES_PER_DRAWING = 64 * 2**20
 """Of one that has drawings, which have a size of their own."""
 # The most that was seen over reading, preparing, solving and writing, with a third to spare: of one photo alone, of 1.4
-# and of 9 million pixels, under all lights, in both orders and precisions, with all maps.
-_BYTES_PER_PIXEL = 250
-_OF_DRAWINGS, _OF_MESHES, _OF_TEXTS = 400, 500, 1100
+# million pixels, under all lights, in both orders and precisions, with all maps. Without maps it is about half of that.
+_BYTES_PER_PIXEL = 350
+_OF_DRAWINGS, _OF_MESHES, _OF_TEXTS = 500, 750, 1300
+_OF_ROUNDS = 250
+"""Besides, where the image is corrected and solved again."""
 _BY_FILE = {
     **dict.fromkeys(GROUPS["pictures"], _OF_DRAWINGS),
     **dict.fromkeys(("mesh.ply", "mesh.stl", "mesh.glb"), _OF_MESHES),
@@ -23,7 +25,7 @@ _BY_FILE = {
 }
 
 
-def bytes_for(pixels: int, saving: Saving) -> int:
+def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False) -> int:
     """Bytes of memory that a photo takes at most, from reading to writing.
 
     Parameters
@@ -31,10 +33,14 @@ def bytes_for(pixels: int, saving: Saving) -> int:
     pixels : int
     saving : Saving
         The files to be written. What is made one after the other is not held together, so that the greediest counts.
+    in_rounds : bool
+        Whether the light and the material take rounds.
     """
     drawn = not set(GROUPS["pictures"]).isdisjoint(saving.files)
     per_pixel = max((_BY_FILE.get(file, 0) for file in saving.files), default=0)
-    return (_BYTES_PER_DRAWING if drawn else _BYTES_PER_PHOTO) + pixels * max(_BYTES_PER_PIXEL, per_pixel)
+    return (_BYTES_PER_DRAWING if drawn else _BYTES_PER_PHOTO) + pixels * (
+        max(_BYTES_PER_PIXEL, per_pixel) + (_OF_ROUNDS if in_rounds else 0)
+    )
 
 
 class Room:

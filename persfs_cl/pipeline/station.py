@@ -31,6 +31,7 @@ from persfs_cl.pipeline.store import Shelf
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.schemes import scheme_for
 from persfs_cl.solver.solve import pieces, solve
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
@@ -147,6 +148,8 @@ class Station:
     ) -> None:
         self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
         self._put, self._solutions = put, solutions
+        light, reflectance = options["light"], options["reflectance"]
+        self._in_rounds = scheme_for(options["scheme"], light, reflectance).model(light, reflectance).in_rounds
         self._room = Room(memory)
         self._inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._ready: deque[_Work] = deque()
@@ -193,7 +196,7 @@ class Station:
 
     def _read(self, work: _Work) -> None:
         job = work.task.job
-        work.room = self._room.take(bytes_for(pixels(job), self._saving))
+        work.room = self._room.take(bytes_for(pixels(job), self._saving, in_rounds=self._in_rounds))
         with self._step(work, "read"):
             with suppress(OSError):  # what the system refuses is said by those who read the files: they have the words
                 work.known["stamps"] = stamps(job)

@@ -66,9 +66,3 @@ def test_broken_photos_are_named_and_all_others_done(tmp_path: Path) -> None:
         assert message in table[name].values()
     assert "191 done" in outcome.stderr
     assert "10 failed" in outcome.stderr
-    # Mended, they are done, and nothing else is.
-    photos(folder, 1, first=10)
-    again = run(*arguments, "--cameras", tmp_path / "cameras.csv")
-    assert again.status == 1
-    assert [Path(line).name for line in again.stdout.splitlines()] == ["00010.png"]
-    assert "191 were done before, 9 failed" in again.stderr

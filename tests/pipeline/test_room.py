@@ -61,4 +61,4 @@ def test_what_a_photo_takes_goes_by_its_pixels_and_files() -> None:
     sizes = [bytes_for(10**6, Saving.of(save)) for save in ("depth", "depth,pictures", "mesh.glb", "mesh.obj,mesh.glb")]
     assert sizes == sorted(sizes)
     assert len(set(sizes)) == 4
-    assert bytes_for(10**6, Saving.of("depth")) < 3e8
+    assert bytes_for(10**6, Saving.of("depth"), in_rounds=True) > bytes_for(10**6, Saving.of("depth"))
