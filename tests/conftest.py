@@ -10,6 +10,8 @@ other tests has strips of a single vector; what processes of their own run is as
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,7 +21,7 @@ import hypothesis
 import pyopencl as cl
 import pytest
 
-from persfs_cl import Device, devices
+from persfs_cl import Device, devices, told
 from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl._cl.orderings.choices import wavefront
 from persfs_cl._cl.orderings.ordering import Ordering, Setup
@@ -107,3 +109,12 @@ def pytest_testnodedown(node: Any) -> None:
     if _LEFT_OUT not in node.config.stash:
         node.config.stash[_LEFT_OUT] = count
         node.config.hook.pytest_deselected(items=[SimpleNamespace() for _ in range(count)])
+
+
+@pytest.fixture
+def listening(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A process that is the package's own, for the time of a test."""
+    monkeypatch.setattr(told._Process, "listens", False)
+    with warnings.catch_warnings():
+        told.listen()
+        yield

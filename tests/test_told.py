@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -32,15 +31,6 @@ from persfs_cl.told import concerning, hearing, listen
 from persfs_cl.wording import keyword
 
 THREADS = 8
-
-
-@pytest.fixture
-def listening(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A process that is the package's own, for the time of a test."""
-    monkeypatch.setattr(told._Process, "listens", False)
-    with warnings.catch_warnings():
-        listen()
-        yield
 
 
 @pytest.fixture(params=["as usual", "listening"])

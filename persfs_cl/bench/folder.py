@@ -17,7 +17,7 @@ from persfs_cl._cl.device import usable_cores
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.colour import encode_srgb
-from persfs_cl.pipeline.batch import Batch, crew_settings
+from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.job import Job, finished, pose, prepare, read_job
 from persfs_cl.pipeline.listing import list_inputs
@@ -26,6 +26,7 @@ from persfs_cl.pipeline.plan import DEFAULT_ITEMS
 from persfs_cl.pipeline.plan import Plan as BatchPlan
 from persfs_cl.pipeline.results import write
 from persfs_cl.pipeline.store import FolderStore
+from persfs_cl.pipeline.workforce import crew_settings
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.solver.options import complete

@@ -15,7 +15,6 @@ from persfs_cl._cl.device import usable_cores
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
-from persfs_cl.pipeline.batch import crew_settings
 from persfs_cl.pipeline.cluster import RESOURCE, Cluster
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.job import Job
@@ -26,6 +25,7 @@ from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import Plan as BatchPlan
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import FolderStore
+from persfs_cl.pipeline.workforce import crew_settings
 from persfs_cl.surface.saving import Saving
 
 if TYPE_CHECKING:

@@ -64,14 +64,15 @@ persfs-cl batch 'photos/**/*.jpg' -o results --light flash --cameras sparse/came
 
 persfs-cl batch photos -o results --config flash.toml --device all --save depth.tiff,report
 
-find photos -newer results/index.html -name '*.tif' | persfs-cl batch - -o results --config flash.toml
+cd photos && find . -name '*.tif' | persfs-cl batch - -o ../results --config ../flash.toml
 
 persfs-cl batch photos -o results --config flash.toml --shard 2/8
 
 [bold]Output[/bold]
 
 The folders of the photos that are done go to standard output, one a line; everything else goes to standard error. What
-failed is listed at the end, and the exit status is then 1; the others are done all the same.
+failed is listed at the end, and the exit status is then 1; the others are done all the same. 2: the command line is
+wrong. 3: no device is left. 130: interrupted.
 
 Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays. Whatever ends a run, the power included, the
 same command goes on from there.

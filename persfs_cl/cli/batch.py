@@ -27,16 +27,17 @@ from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
-from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard, workforce
+from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard
 from persfs_cl.pipeline.headers import look
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
-from persfs_cl.pipeline.pages import publish
+from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
 from persfs_cl.pipeline.store import FolderStore, store_for
+from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options
@@ -79,7 +80,10 @@ def batch(
     ],
     *,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would be done, and which photos cannot be used; do nothing.")
+        bool,
+        typer.Option(
+            "--dry-run", help="Say what would be done, and which photos headers show to be unusable; do nothing."
+        ),
     ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Do all photos, whatever was done before.", rich_help_panel=_AGAIN)
@@ -238,7 +242,7 @@ def batch(
     tally.skipped = whole.skipped
     typer.echo(tally.table(), err=True, nl=False)
     try:
-        names = publish(store, title=_title(paths), parameters=plan.parameters())
+        names = publish(store, title=title_of(paths), parameters=plan.parameters())
     except InputError:
         typer.echo(tally.summary(), err=True)
         raise
@@ -286,10 +290,6 @@ def _look(whole: Batch, spell: Spelling) -> None:
     typer.echo(f"{', '.join(parts)}. Nothing was done.", err=True)
     if failed:
         raise typer.Exit(_INPUT_FAILED)
-
-
-def _title(paths: list[str]) -> str:
-    return ", ".join(paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
 
 
 def _share(text: str | None) -> Shard | None:

@@ -2,44 +2,37 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, Protocol, cast, get_args
+from typing import Any, Literal, cast, get_args
 
-from persfs_cl._cl.device import Device, devices, usable_cores
-from persfs_cl.camera import Camera
+from persfs_cl._cl.device import Device
+from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_whole_number, check_choice
-from persfs_cl.errors import DeviceError, InputError, PersfsError
+from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.files import FilePath, as_path
-from persfs_cl.io.limits import memory
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
-from persfs_cl.pipeline.cluster import Cluster
-from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan, is_the_same
-from persfs_cl.pipeline.station import Outcome, Task
+from persfs_cl.pipeline.station import Task
 from persfs_cl.pipeline.store import FolderStore, Journal, Results, Store, store_for
-from persfs_cl.pipeline.workers import Setting
+from persfs_cl.pipeline.workforce import Workforce, workforce
 from persfs_cl.solver.options import Options, complete, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.solution import Solution
 
-ALL = "all"
-"""Every device."""
-
 Again = Literal["changed", "all", "none", "failed"]
 """Which photos are done again that were done before."""
-
-_SHARE_OF_MEMORY = 0.5
-_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -72,13 +65,6 @@ class BatchResult:
     record: Record
     solution: Solution | None = None
     error: PersfsError | None = None
-
-
-class Workforce(Protocol):
-    """Who does tasks: the devices of this machine, or a cluster."""
-
-    def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Generator[Outcome, None, None]:
-        """See :meth:`persfs_cl.pipeline.crew.Crew.outcomes`."""
 
 
 class Batch:
@@ -119,7 +105,8 @@ class Batch:
         self._roots = listing.roots
         self.total, self.skipped = len(self._inputs) + len(self._problems), 0
         self._given: dict[int, Input] = {}
-        self._refused: deque[BatchResult] = deque()
+        self._refused: deque[tuple[BatchResult, bool]] = deque()
+        """With whether the manifest shall know of it."""
 
     def results(
         self,
@@ -185,14 +172,15 @@ class Batch:
     def _noted(self, journal: Journal | None) -> Iterator[BatchResult]:
         """The photos that nobody need be called for."""
         while self._refused:
-            result = self._refused.popleft()
-            if journal is not None:
+            result, noted = self._refused.popleft()
+            if noted and journal is not None:
                 journal.add(result.record)
             yield result
 
     def _tasks(self, journal: Journal | None, interrupted: Callable[[], bool]) -> Iterator[Task]:
         for place, error in self._problems:
-            self._refuse(Path(place), place, error)
+            # No photo, such as a path with a slip in it: it would be among the failures for ever.
+            self._refuse(Path(place), place, error, noted=False)
         known = {} if self._store is None else latest(self._store.manifests())
         there = None if self._store is None else self._store.results()
         # Photos that end processes or devices must not come before others in every run.
@@ -222,9 +210,12 @@ class Batch:
             self.skipped += 1
             return None
         try:
+            if before is not None and self._again != "all":
+                _require_same_photo(one, before)
             job = self._plan.job(one, self._roots)
         except PersfsError as error:
-            self._refuse(one.path, one.name, error)
+            # What another photo has come to stays noted.
+            self._refuse(one.path, one.name, error, noted=before is None or before.status == "failed")
             return None
         task = Task(number, one.name, job, self._plan.parameter_hash(job))
         if self._again != "all" and (
@@ -250,7 +241,7 @@ class Batch:
         journal.add(found)
         return True
 
-    def _refuse(self, path: Path, name: str, error: PersfsError) -> None:
+    def _refuse(self, path: Path, name: str, error: PersfsError, *, noted: bool = True) -> None:
         record = Record(
             name=name,
             path=str(path),
@@ -259,7 +250,7 @@ class Batch:
             version=package_version(),
             finished=now(),
         )
-        self._refused.append(BatchResult(path, name, record, error=error))
+        self._refused.append((BatchResult(path, name, record, error=error), noted))
 
 
 def batch(
@@ -284,6 +275,9 @@ def batch(
     **keywords: Any,
 ) -> Iterator[BatchResult]:
     """Reconstruct any number of photographs, in processes of their own, one for each device.
+
+    Where there is an output, `index.html` and the rest of what the command shows is written when the last result has
+    been taken.
 
     Parameters
     ----------
@@ -361,6 +355,11 @@ def batch(
     for name in ("callback", "throw"):
         if options.get(name):
             raise InputError.about(name, options[name], "is for one photograph: results say how each iteration ended.")
+    for name, one, all_of_them in (("camera", camera, cameras), ("mask", mask, masks)):
+        if one is not None and all_of_them is not None:
+            raise InputError.about(f"{name}s", all_of_them, f"and {name} say the same in two ways: give one of them.")
+    if camera is not None:
+        require_camera(camera)
     settings = complete(options)
     files = {"masks": masks, "mask": mask, "walls": walls, "known_depth": known_depth, "albedo": albedo}
     plan = Plan(
@@ -373,87 +372,42 @@ def batch(
         keywords=options,
         saving=Saving.of(save, mesh_faces),
     )
+    plan.require_files()
     store = None if output is None else store_for(output)
     root = store.root if isinstance(store, FolderStore) else None
-    listing = list_inputs(inputs, output=root, masks=plan.masks, frames=frames)
+    given = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
+    listing = list_inputs(given, output=root, masks=plan.masks, frames=frames)
+    if not listing.inputs and not listing.problems:
+        raise InputError.about("inputs", inputs, "holds no path: give photographs, folders, patterns or lists.")
     whole = Batch(listing, plan, store, again=again, shard=as_shard(shard))
-    return whole.results(workforce(plan, store, device, max_memory, scheduler))
+    return _shown(whole.results(workforce(plan, store, device, max_memory, scheduler)), plan, store, given)
 
 
-def workforce(
-    plan: Plan,
-    store: Store | None,
-    device: int | str | Device | Sequence[int | str | Device] | None,
-    max_memory: int | None,
-    scheduler: str | None = None,
-) -> Callable[[Sequence[int]], Workforce]:
-    """Who does the tasks of a batch, as :meth:`Batch.results` wants it.
+def _shown(
+    results: Iterator[BatchResult], plan: Plan, store: Store | None, given: Sequence[FilePath]
+) -> Iterator[BatchResult]:
+    """The results, and then, where they are written, the page of all."""
+    yield from results
+    if store is not None:
+        publish(store, title=title_of([str(one) for one in given]), parameters=plan.parameters())
 
-    Parameters
-    ----------
-    plan : Plan
-    store : Store or None
-    device, max_memory, scheduler
-        As for :func:`batch`.
+
+def _require_same_photo(one: Input, before: Known) -> None:
+    """Refuse to put results in the place of another photo's.
 
     Raises
     ------
     InputError
-        When an option or `max_memory` is impossible.
-    DeviceError
-        When all devices are wanted and there is none.
-    UnavailableError
-        When Dask is wanted and is not installed.
+        When the results of this name are of another file, which is still there.
     """
-    if scheduler is None:
-        settings = crew_settings(plan, store, chosen_devices(device), max_memory)
-        return lambda held: Crew(settings, held)
-    if device == ALL or isinstance(device, (list, tuple)):
-        raise InputError.about(
-            "device", device, "means several, and a worker has one: start a worker for each device, and leave it out."
-        )
-    (setting,) = crew_settings(plan, store, chosen_devices(device), max_memory)
-    cluster = Cluster(scheduler, setting, None if max_memory is None else setting.memory)
-    return lambda _: cluster
-
-
-def crew_settings(
-    plan: Plan, store: Store | None, chosen: Sequence[int | str | Device | None], max_memory: int | None
-) -> list[Setting]:
-    """What the process of each device must know.
-
-    Raises
-    ------
-    InputError
-        When an option or `max_memory` is impossible.
-    """
-    options = complete({**plan.keywords, "light": plan.light, "reflectance": plan.reflectance})
-    options["device"] = options["callback"] = None
-    options["throw"] = False
-    room = (
-        int(_SHARE_OF_MEMORY * memory()) if max_memory is None else as_whole_number("max_memory", max_memory, least=1)
-    )
-    threads = max(_THREADS, usable_cores() // (2 * len(chosen)))
-    return [Setting(one, store, plan.saving, options, room // len(chosen), store is None, threads) for one in chosen]
-
-
-def chosen_devices(
-    selector: int | str | Device | Sequence[int | str | Device] | None,
-) -> list[int | str | Device | None]:
-    """One selector for each device.
-
-    Raises
-    ------
-    DeviceError
-        When all are wanted and there is none.
-    """
-    if selector == ALL:
-        if not (found := devices()):
-            raise DeviceError("No OpenCL device found: 'persfs-cl devices' says what to install.")
-        return [device.index for device in found]
-    if isinstance(selector, (list, tuple)):
-        return list(selector)
-    return [cast("int | str | Device | None", selector)]
+    earlier = Path(before.path)
+    if before.status == "done" and earlier != one.path:
+        with suppress(OSError):
+            if not earlier.samefile(one.path):
+                raise InputError(
+                    f"{one.path} would have the results of {earlier}, {one.name}: choose another output, or do all "
+                    "again, whatever was done before."
+                )
 
 
 def is_in(shard: Shard | None, name: str) -> bool:

@@ -297,10 +297,13 @@ class Crew:
 
     def _nobody(self, left: int) -> DeviceError:
         refusal = next((member.refusal for member in self._members if member.refusal), None)
-        why = refusal or "Their processes ended."
-        error = DeviceError(
-            f"No device is left, and at least {left} photos are not done: the same command goes on from there. {why}"
-        )
+        if isinstance(refusal, DeviceError) and not any(member.name for member in self._members):
+            return refusal  # there was none that could be used
+        photos = "1 photo is" if left == 1 else f"{left} photos are"
+        error = DeviceError(f"No device is left, and at least {photos} not done: the same command goes on from there.")
+        if refusal is None:
+            return error.adding("Their processes ended.")
+        error = error.adding(str(refusal))
         error.__cause__ = refusal
         return error
 

@@ -109,11 +109,12 @@ class Known(NamedTuple):
     parameter_hash: str
     stamps: Stamps
     finished: str
+    path: str
 
     @classmethod
     def of(cls, record: Record) -> Known:
         """Of a record."""
-        return cls(record.status, record.input_hash, record.parameter_hash, record.stamps, record.finished)
+        return cls(record.status, record.input_hash, record.parameter_hash, record.stamps, record.finished, record.path)
 
 
 @cache

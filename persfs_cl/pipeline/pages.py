@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,11 @@ from persfs_cl.pipeline.store import FolderStore, Store
 
 _SORTED = 200_000
 """Records that are held in memory to be sorted by name; more are shown in the order in which they ended."""
+
+
+def title_of(inputs: Sequence[str]) -> str:
+    """What a page about some inputs is called."""
+    return ", ".join(inputs[:3]) + (f" and {len(inputs) - 3} more" if len(inputs) > 3 else "")
 
 
 def publish(store: Store, *, title: str, parameters: Mapping[str, Any]) -> list[str]:

@@ -112,7 +112,7 @@ class _Work:
 
 
 class Station:
-    """A device with its threads.
+    """A device with its threads, in a process that hears the warnings of each, see :func:`persfs_cl.told.listen`.
 
     Parameters
     ----------

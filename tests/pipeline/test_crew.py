@@ -16,12 +16,12 @@ from batches import PLAN
 
 import persfs_cl as ps
 from persfs_cl.pipeline import crew as crews
-from persfs_cl.pipeline.batch import crew_settings
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.listing import Input
 from persfs_cl.pipeline.manifest import Record
 from persfs_cl.pipeline.station import End, Outcome, Task
 from persfs_cl.pipeline.workers import Setting
+from persfs_cl.pipeline.workforce import crew_settings
 
 
 @dataclass

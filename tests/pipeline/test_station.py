@@ -14,14 +14,17 @@ from batches import PLAN, photos, require_whole
 
 import persfs_cl as ps
 from persfs_cl.pipeline import health, station
-from persfs_cl.pipeline.batch import crew_settings
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import FolderStore
+from persfs_cl.pipeline.workforce import crew_settings
 from persfs_cl.solver.solve import solve as solve_problems
 
 Solve = Callable[..., Any]
+
+# As in a process of the batch: elsewhere those who listen to warnings wait for each other.
+pytestmark = pytest.mark.usefixtures("listening")
 
 
 def outcomes(
