@@ -178,7 +178,9 @@ class Device:
 
         Several of one name, as in a machine with equal GPUs, are told apart by their order.
         """
-        place = _of_name(self.name, self.platform_version).index(self)
+        # Not by identity: the list may have been made anew.
+        equal = [device.is_handle(self._handle) for device in _of_name(self.name, self.platform_version)]
+        place = equal.index(True) if any(equal) else 0
         return _named, (self.name, self.platform_version, place)
 
 

@@ -16,6 +16,8 @@ from persfs_cl._cl.parameters import records
 
 KERNEL_FILE = "render"
 """After those of the model."""
+_GROUP = 64
+"""Pixels of a row that a work-group renders."""
 
 
 def render(
@@ -45,6 +47,8 @@ def render(
             "width": width,
             "height": height,
         }
-        rendering.launch(device, (width, height), None, values)
+        # Of one size for all images: drivers for processors compile a kernel anew for each.
+        group = min(_GROUP, device.largest_group)
+        rendering.launch(device, (-(-width // group) * group, height), (group, 1), values)
         cl.enqueue_copy(device.queue, result, values["brightness"])
     return result

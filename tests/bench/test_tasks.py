@@ -41,6 +41,7 @@ def test_processes_here(plan: Plan) -> None:
     assert values(tasks.crew(plan))["tasks"] > 1
 
 
+@pytest.mark.usefixtures("listening")
 def test_workers_of_dask(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = values(tasks.cluster(plan, tmp_path / "output", processes=False))
     assert found["tasks"] > 1

@@ -28,7 +28,7 @@ def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch
     outcome = run("demo")
     assert outcome.status == 0
     assert names(tmp_path / "demo-output" / "coin") == FILES
-    assert names(tmp_path / "demo-output" / "vase") == FILES - {"preview.jpg", "photo.jpg", "relief.js"}
+    assert names(tmp_path / "demo-output" / "vase") == FILES - {"preview.jpg", "photo.jpg", "relief.js", "index.html"}
     scene = ps.vase()
     errors = ps.compare(np.load("demo-output/vase/depth.npy"), scene.depth, align="range")
     assert f"ME {errors.mean:.4f}, RS {errors.root_mean_square:.4f}" in outcome.stdout

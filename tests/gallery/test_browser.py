@@ -323,6 +323,7 @@ def test_single_image_opens_on_its_relief(browser: Browser, tmp_path: Path) -> N
     assert (np.abs(stage(browser) - first).max(axis=-1) > 40).mean() > 0.1
 
 
+@pytest.mark.thorough
 def test_nothing_sticks_out_of_a_window(browser: Browser, folder: Path) -> None:
     outside = (
         "[...document.querySelectorAll('button, input, select, canvas, td, h1, h2, dd')]"

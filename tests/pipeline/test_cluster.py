@@ -185,6 +185,7 @@ def appears(file: Path) -> bool:
     return file.exists()
 
 
+@pytest.mark.usefixtures("listening")
 def test_a_chunk_ends_when_who_asked_is_gone(photos: Path, tmp_path: Path) -> None:
     with distributed.LocalCluster(
         n_workers=1, processes=False, protocol="tcp", dashboard_address=":0", host="127.0.0.1"
@@ -219,6 +220,7 @@ def tasks(folder: Path, names: Sequence[str]) -> Iterator[Task]:
         yield Task(number, name, Job(folder / name, camera, Brightness(), light=ps.FlashLight()), "parameters")
 
 
+@pytest.mark.usefixtures("listening")
 @pytest.mark.parametrize(("resources", "says"), [(None, "1 workers, but none with"), ({"device": 1}, "numpy 0.0")])
 def test_workers_that_cannot_be_used_are_named(
     resources: dict[str, float] | None, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

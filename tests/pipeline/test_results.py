@@ -95,6 +95,7 @@ def test_a_failure_leaves_nothing(solved: PhotoSolution, tmp_path: Path, monkeyp
     assert not (tmp_path / "above").exists()
 
 
+@pytest.mark.thorough
 def test_results_are_written_in_threads_at_once(solved: PhotoSolution, tmp_path: Path) -> None:
     saving = Saving.of("pictures,mesh,report", mesh_faces=100)
 

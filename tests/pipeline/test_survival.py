@@ -181,6 +181,7 @@ def test_a_device_that_fails_midway_leaves_its_photos_to_the_other(way: str, tmp
     require_whole(out, names)
 
 
+@pytest.mark.thorough
 def test_a_photo_that_kills_every_process_fails_by_name(
     tmp_path: Path, sabotage: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
