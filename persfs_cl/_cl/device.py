@@ -178,9 +178,12 @@ class Device:
 
         Several of one name, as in a machine with equal GPUs, are told apart by their order.
         """
-        # Not by identity: the list may have been made anew.
-        equal = [device.is_handle(self._handle) for device in _of_name(self.name, self.platform_version)]
-        place = equal.index(True) if any(equal) else 0
+        equal = _of_name(self.name, self.platform_version)
+        # The list may have been made anew since this one was found in it.
+        same = (
+            [device is self for device in equal] if self in equal else [each.is_handle(self._handle) for each in equal]
+        )
+        place = same.index(True) if any(same) else 0
         return _named, (self.name, self.platform_version, place)
 
 
