@@ -297,8 +297,8 @@ class Crew:
 
     def _nobody(self, left: int) -> DeviceError:
         refusal = next((member.refusal for member in self._members if member.refusal), None)
-        if isinstance(refusal, DeviceError) and not any(member.name for member in self._members):
-            return refusal  # there was none that could be used
+        if isinstance(refusal, DeviceError) and refusal.argument == "device":
+            return refusal  # there is none such: going on later would not help
         photos = "1 photo is" if left == 1 else f"{left} photos are"
         error = DeviceError(f"No device is left, and at least {photos} not done: the same command goes on from there.")
         if refusal is None:
