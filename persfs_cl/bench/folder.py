@@ -37,7 +37,7 @@ SIZE = 1000
 DEPTH, DEFAULT = "depth files", "default files"
 SAVINGS = {DEPTH: "depth", DEFAULT: DEFAULT_ITEMS}
 IDEAL, MEASURED, SHARE = "ideal rate", "rate", "share of the ideal"
-_PHOTOS = 48
+_PHOTOS = 96
 _ALONE = 4
 """Photographs whose steps are measured one by one."""
 _FORMATS = ("jpg", "png")
