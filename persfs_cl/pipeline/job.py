@@ -145,6 +145,16 @@ class PreparedJob:
     known_depth: Array | None
     report: Mapping[str, Any]
 
+    @property
+    def maps(self) -> dict[str, Array | Mask | None]:
+        """What goes with the image, by the keywords of :func:`persfs_cl.reconstruct`."""
+        return {
+            "mask": self.mask,
+            "walls": self.inputs.walls,
+            "known_depth": self.known_depth,
+            "albedo": self.inputs.albedo,
+        }
+
 
 def read_job(job: Job) -> JobInputs:
     """Read the files of a job.
@@ -252,10 +262,7 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
         return as_problem(
             ready.image,
             inputs.camera,
-            mask=ready.mask,
-            walls=inputs.walls,
-            known_depth=ready.known_depth,
-            albedo=inputs.albedo,
+            **ready.maps,
             options=options,
         )
 
@@ -286,10 +293,7 @@ def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution
         solution = reconstruct(
             ready.image,
             inputs.camera,
-            mask=ready.mask,
-            walls=inputs.walls,
-            known_depth=ready.known_depth,
-            albedo=inputs.albedo,
+            **ready.maps,
             **keywords,
         )
     return finished(ready, solution)

@@ -127,6 +127,30 @@ def test_other_files_are_reason_to_do_it_again(folder: Path, store: FolderStore,
     assert pretend(folder, store, plan=masked)[0] == NAMES
 
 
+def test_results_of_another_photo_are_replaced_only_when_all_are_done_again(
+    folder: Path, store: FolderStore, tmp_path: Path
+) -> None:
+    assert pretend(folder, store)[0] == NAMES
+    other = shutil.copytree(folder, tmp_path / "other")
+    did, results, _ = pretend(other, store)
+    assert did == []
+    assert [result.name for result in results] == NAMES
+    for result in results:
+        assert f"would have the results of {folder / result.name}" in str(result.error)
+    # What the first photos have come to stays noted.
+    assert pretend(folder, store)[0] == []
+    assert pretend(other, store, again="all")[0] == NAMES
+    # The folder of photos may be moved.
+    assert pretend(other.rename(tmp_path / "moved"), store)[0] == []
+
+
+def test_a_path_with_a_slip_in_it_is_a_failure_of_its_run_alone(folder: Path, store: FolderStore) -> None:
+    batch = Batch(list_inputs([folder, folder / "slip"]), PLAN, store)
+    results = {result.name: result for result in batch.results(Pretender(store))}
+    assert [name for name, result in results.items() if result.error is not None] == [str(folder / "slip")]
+    assert {record.name for record in lines(store.root)} == set(NAMES)
+
+
 def test_what_is_done_again_can_be_said(folder: Path, store: FolderStore) -> None:
     other = replace(PLAN, camera=CameraChoice(31.0))
     pretend(folder, store, bad=NAMES[:1])
