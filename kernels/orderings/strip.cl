@@ -23,7 +23,7 @@
 #define AHEAD 24           /* columns to prefetch: a strip has more rows than the hardware prefetcher follows */
 #define LEAD (64 / LANES)  /* blocks that a strip waits for beyond those it needs, so as to wait seldom */
 #define EVERY (32 / LANES) /* blocks after which progress is published, since that waits for all stores before it */
-#define UNROLLED (REACH == 2 ? 1 : LANES) /* steps; those of reach 2 are so long that unrolling gains nothing */
+#define UNROLLED 1
 
 /* Lanes shifted by one row or by two: TO_BELOW gives each row the lane of the row above it, TO_ABOVE that of the row
  * below. The lanes for which there is none are then overwritten.

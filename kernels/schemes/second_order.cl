@@ -47,7 +47,7 @@ static inline number value_of(const number brightness, const number here, const 
     /* Where the surface is smooth that quadrant suffices: between two quadrants both give the same. Elsewhere the least
      * of all four counts. A lane that is decided stays, so that its bits do not depend on others.
      */
-    number value = NOWHERE, undecided = choose(brightness >= 0, -1, 1);
+    number value = NOWHERE, undecided = choose(brightness == brightness, -1, 1);
     __attribute__((opencl_unroll_hint(1))) for (int tried = 0; tried < 4 && any_sign(as_integer(undecided)); ++tried) {
         const neighbour across = corrected(here, turn_x < 0 ? right[0] : left[0],
                                            turn_x < 0 ? right[1] : left[1], turn_x * rise_x);

@@ -5,28 +5,32 @@
  *     Z = D(t) = (ln c(t) - ln F) / 2, which falls with t
  *
  * In coordinates around the centre of the ellipse U = base + l, l^2 = offset + slope t^2, for an edge (offset 0) and
- * for the triangle. Some Newton steps approach the intersection of both curves. Whatever these leave, the larger of U
- * and D is at least the true value: Z comes down to its limit from above.
+ * for the triangle. The true value is where both curves meet. The larger of U and D is at least that, at any l: Z comes
+ * down to its limit from above.
  *
- * Only the better edge is followed, chosen at the steepness that belongs to the present Z. At the limit that is the
- * true one, so that the limit is that of the full scheme. The other three triangles have their turn in the other three
+ * Only the better edge is followed, the one on which the present Z would be steeper. At the limit that is the one which
+ * counts, so that the limit is that of the full scheme. The other three triangles have their turn in the other three
  * sweeps.
  *
  * For the lanes of one vector; it reads no memory.
  */
 #define RIM_CELLS 0 /* a missing neighbour has the value NOWHERE: no cell is treated apart */
 #define DIRECTED 1  /* a cell reads only the two neighbours before it in the sweep */
-#define MEETING_STEPS (ONLY_LOWER ? 2 : 5) /* of Newton's method, for the value of a cell */
+#define NEAR_ENOUGH (1 / 32.0f) /* largest change of Z over which the quadratic of meet() is trusted */
+#define MOST_ROUNDS 16
 
-/* The intersections of D with U = base + l, l^2 = offset + slope t^2, for an edge and a triangle. `square` is the t^2
- * at which D is `here`.
+/* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`.
  *
- * In l the equation 2 U + ln F - ln c = 0 is smooth. The larger of U and D is at least the true value at any l, and
- * lower than the present one between the l at which D is that and the l at which U is. Where values only fall the root
- * is sought there, so that no value but the true one can stay, and the closer Z is to its limit the shorter is this
- * interval. A Newton step that leaves it is replaced, the first time by the inflection point of a Lambertian material's
- * curve, from which Newton's method seldom leaves it, and then by the middle. Where values may rise it starts at that
- * point, or farther out.
+ * With m = -ln c as a linear function of t^2 around the place where D is Z_r, at first `here`, and t is t_r,
+ *
+ *     2 (base + l - Z_r) + m'(t_r^2) (l^2 - l_r^2) / slope = 0,    l_r^2 = offset + slope t_r^2
+ *
+ * is a quadratic, l^2 + 2 bend l = rest. Its first root lies between the l at which D is `here` and the one at which U
+ * is, whatever the material, and so leads to a value below `here`. How far it is from the true one is of second order in
+ * how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it, and short of it by at
+ * most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH. With so much more it is beyond, where U
+ * counts, which is far less steep than D. Where it is not near enough, and for other materials, the larger of both
+ * counts, and the place found is the next to begin from.
  *
  * Edge and triangle together, since each step waits for the one before: one hides the latency of the other.
  */
@@ -35,84 +39,99 @@
 static inline void meet(const number *base, const number *offset, const number *slope, const number here,
                         const number square, const number log_f, const parameter_set *parameters, number *found)
 {
-    number per_slope[2], low[2], high[2], length[2], fallback[2];
+    number per_slope[2], level[2], t_square[2], going[2];
     BOTH {
         per_slope[k] = 1 / slope[k];
-        const number guess = root(most(multiply_add(slope[k], square, offset[k]), 0));
-        const number inflection = root(slope[k] - offset[k]);
-#if ONLY_LOWER
-        low[k] = guess;
-        high[k] = most(low[k], here - base[k]);
-        length[k] = guess;
-        fallback[k] = most(low[k], least(high[k], inflection));
-#else
-        low[k] = 0;
-        high[k] = -0.5f * (multiply_add(2, base[k], log_f) + minus_log_c(-offset[k] * per_slope[k], parameters));
-        length[k] = most(low[k], least(high[k], most(guess, inflection)));
-        fallback[k] = 0.5f * (low[k] + high[k]);
-#endif
+        level[k] = here;
+        t_square[k] = square;
+        going[k] = -1;
         found[k] = NOWHERE;
     }
-    for (int step = 0; step <= MEETING_STEPS; ++step)
+    for (int again = 0; again < MOST_ROUNDS && any_sign(as_integer(going[0]) | as_integer(going[1])); ++again)
         BOTH {
-            const number t_square = most(0, multiply_add(length[k], length[k], -offset[k]) * per_slope[k]);
-            const number climbed = base[k] + length[k];
-            const number excess = multiply_add(2, climbed, log_f) + minus_log_c(t_square, parameters);
+            const number bend = slope[k] / minus_log_c_derivative(t_square[k], parameters);
+            const number square_length = most(0, multiply_add(slope[k], t_square[k], offset[k]));
+            const number rest = most(0, multiply_add(2 * bend, level[k] - base[k], square_length));
+            const number inverse = 1 / (bend + root(multiply_add(bend, bend, rest)));
+            const number first_root = rest * inverse, moved = base[k] + first_root - level[k];
+            const number length = multiply_add((5 * moved) * moved, bend * inverse, first_root);
+            const number steepness = most(0, multiply_add(length, length, -offset[k]) * per_slope[k]);
+            const number up = base[k] + length;
+            const number excess = multiply_add(2, up, log_f) + minus_log_c(steepness, parameters);
+            const number down = multiply_add(-0.5f, excess, up);
             /* Written so that a NaN stays one. */
-            const number highest = climbed + most(0, -0.5f * excess);
-            found[k] = highest > found[k] ? found[k] : highest;
-            if (step == MEETING_STEPS)
-                continue;
-            const number rise = 2 + 2 * length[k] * per_slope[k] * minus_log_c_derivative(t_square, parameters);
-            const number next = length[k] - excess / rise;
-            high[k] = excess > 0 ? length[k] : high[k];
-            low[k] = excess > 0 ? low[k] : length[k];
-            length[k] = next >= low[k] ? (next <= high[k] ? next : fallback[k]) : fallback[k];
-            fallback[k] = 0.5f * (low[k] + high[k]);
+            const number highest = up > down ? up : down;
+            const number better = highest > found[k] ? found[k] : highest;
+            /* A lane that is near enough stays, so that its bits do not depend on how long others take. */
+            found[k] = going[k] < 0 ? better : found[k];
+            level[k] = down;
+            t_square[k] = steepness;
+            going[k] = choose(magnitude(moved) > NEAR_ENOUGH, going[k], 1);
         }
 }
 
 /* `to_p` and `to_q` as in climb.cl. */
-static inline number inner_value(const number brightness, const number here, const number left, const number right,
+static inline number inner_value(const number log_f, const number here, const number left, const number right,
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
                                  const axis y, const parameter_set *parameters)
 {
     const number at_x = x.coordinate, at_y = y.coordinate;
     const number square_x = multiply_add(at_x, at_x, 1), square_y = multiply_add(at_y, at_y, 1);
-    const number ray = multiply_add(at_x, at_x, square_y), inverse_ray = 1 / ray;
+    const number ray = multiply_add(at_x, at_x, square_y);
     const sided scale_x = 2 * to_p, scale_y = 2 * to_q, dx = 1 / scale_x, dy = 1 / scale_y;
-    /* Neighbours seen from the centre of the ellipse. */
+    const number xx = square_x * (scale_x * scale_x), yy = square_y * (scale_y * scale_y);
+    const number xy = at_x * (at_y * (scale_x * scale_y));
+
+    /* The climb from the neighbours to `here`, times R^2, seen from the centre of the ellipse, and the normal there: of
+     * a triangle that this normal belongs to, and else of the better edge, t^2 = steep / wide.
+     */
+    const number over_left = multiply_add(here - left, ray, dx * at_x);
+    const number over_up = multiply_add(here - up, ray, dy * at_y);
+    const number normal_x = multiply_add(xx, over_left, xy * over_up);
+    const number normal_y = multiply_add(xy, over_left, yy * over_up);
+    const number wide_x = (dx * dx) * square_y, wide_y = (dy * dy) * square_x;
+    const number climb_x = most(0, over_left), climb_y = most(0, over_up);
+    const integer along_x = climb_x * climb_x * wide_y > climb_y * climb_y * wide_x;
+    const number climb = along_x ? climb_x : climb_y, wide_edge = along_x ? wide_x : wide_y;
+    const integer between = (normal_x > 0) & (normal_y > 0);
+    const number steep = between ? multiply_add(over_left, normal_x, over_up * normal_y) : climb * climb;
+    const number wide = between ? ray : wide_edge;
+
+    /* The curves meet below `here` if and only if U is there steeper than D. Most cells get no lower value in most
+     * sweeps: then this is all.
+     */
+    const number target = most(0, -multiply_add(2, here, log_f));
+    const number highest = least(left + parameters->step_x, up + parameters->step_y);
+    /* NaN where the brightness is. */
+    const number falls = most(here - highest, excess_of(steep, wide, target, parameters));
+    if (ONLY_LOWER && !any_sign(as_integer(choose(falls > 0, -1, 1))))
+        return NOWHERE;
+
+    const number column_x = xx + xy, column_y = xy + yy, sum = column_x + column_y;
+    const number inverse_slope = 1 / (ray * sum), inverse_ray = inverse_slope * sum, inverse_sum = inverse_slope * ray;
     const number from_left = fnma(dx * at_x, inverse_ray, left);
     const number from_up = fnma(dy * at_y, inverse_ray, up);
-    const number log_f = logarithm(brightness);
+    const number step = from_up - from_left;
+    const number width = step * (scale_x * scale_y) * inverse_sum;
+    const number bases[2] = {along_x ? from_left : from_up,
+                             multiply_add(step, column_y * inverse_sum, from_left)};
+    const number offsets[2] = {(number)0, -(ray * width) * width};
+    const number slopes_of_both[2] = {wide_edge * (inverse_ray * inverse_ray), inverse_slope};
     const number steepest = 2 * parameters->steepest * ray;
-    const number square = square_of(most(0, -multiply_add(2, here, log_f)), steepest * steepest, parameters);
-    const number t = root(square);
-
-    const number climb_x = magnitude(dx) * root(square_y) * inverse_ray;
-    const number climb_y = magnitude(dy) * root(square_x) * inverse_ray;
-    const number edge_x = multiply_add(climb_x, t, from_left), edge_y = multiply_add(climb_y, t, from_up);
-    const number start = edge_x < edge_y ? from_left : from_up, climb = edge_x < edge_y ? climb_x : climb_y;
-
-    const number xx = square_x * (scale_x * scale_x), yy = square_y * (scale_y * scale_y);
-    const number xy = at_x * at_y * (scale_x * scale_y);
-    const number step = from_up - from_left, column_x = xx + xy, column_y = xy + yy;
-    const number inverse_bend = 1 / (column_x + column_y);
-    const number base = multiply_add(step, column_y * inverse_bend, from_left);
-    const number width = step * (scale_x * scale_y) * inverse_bend;
-    const number bases[2] = {start, base}, offsets[2] = {(number)0, -(ray * width) * width};
-    const number slopes_of_both[2] = {climb * climb, inverse_bend * inverse_ray};
+    const number square = square_of(target, steepest * steepest, parameters);
     number found[2];
     meet(bases, offsets, slopes_of_both, here, square, log_f, parameters, found);
     const number climb_left = found[1] - from_left, climb_up = found[1] - from_up;
-    const number normal_x = multiply_add(xx, climb_left, xy * climb_up);
-    const number normal_y = multiply_add(xy, climb_left, yy * climb_up);
+    const number facing_x = multiply_add(xx, climb_left, xy * climb_up);
+    const number facing_y = multiply_add(xy, climb_left, yy * climb_up);
     const number both_there = 0.5f * NOWHERE - magnitude(step);
-    const number accepted = least(least(normal_x, normal_y), both_there);
+    const number accepted = least(least(facing_x, facing_y), both_there);
     const number triangle = choose(accepted > 0, found[1], NOWHERE);
-
-    const number highest = least(left + parameters->step_x, up + parameters->step_y);
+#if ONLY_LOWER
+    return choose(falls > 0, least(highest, least(triangle, found[0])), NOWHERE);
+#else
     /* No value lies above that of a surface which faces the light. */
     const number facing = -0.5f * (log_f + minus_log_c(0, parameters));
     return least(least(highest, facing), least(triangle, found[0]));
+#endif
 }

@@ -146,13 +146,8 @@ class FlashLight(Light):
                 "place out, or photograph with fall-off.",
             )
         if self.falloff:
-            return FlashModel(
-                self,
-                reflectance,
-                ("elementary", reflectance.kernel, "flash_light"),
-                ("steepness", "upwind_flash"),
-                in_rounds=self.off_axis,
-            )
+            kernels = ("elementary", reflectance.kernel, "flash_light")
+            return FlashModel(self, reflectance, kernels, in_rounds=self.off_axis)
         if not reflectance.monotone:
             raise InputError.about(
                 "reflectance",
@@ -165,8 +160,10 @@ class FlashLight(Light):
     def upwind_model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.upwind_model`: for materials of which a brightness belongs to one angle."""
         model = self.model(reflectance)
-        if self.coaxial:
+        if not self.falloff:
             return model
+        if self.coaxial:
+            return UpwindFlashModel(self, reflectance, model.kernels, ("steepness", "upwind_flash"))
         kernels = ("elementary", reflectance.kernel, "steepness", "light_cone", "off_axis_lamp")
         return OffAxisModel(
             self, reflectance, kernels, ("climb", "upwind_off_axis"), in_rounds=not reflectance.perfectly_matt
@@ -361,6 +358,15 @@ class FlashModel(_LampModel):
         at_camera = replace(self.light, offset=(0.0, 0.0, 0.0))
         surface = log_depth, p, q, x, y, self.reflectance
         return at_camera.brightness(*surface), self.light.brightness(*surface)
+
+
+@dataclass(frozen=True)
+class UpwindFlashModel(FlashModel):
+    """The same for the upwind scheme."""
+
+    def read_by_kernels(self, shading: Array) -> Array:
+        """ln F, see :meth:`Model.read_by_kernels`."""
+        return np.log(shading)
 
 
 @dataclass(frozen=True)

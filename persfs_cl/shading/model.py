@@ -255,6 +255,10 @@ class Model(ABC):
         """What the kernels read in place of the image, where the depth is known somewhere."""
         return image
 
+    def read_by_kernels(self, shading: Array) -> Array:
+        """What they read in place of the shading: some function of it that each cell would have to compute."""
+        return shading
+
     def check_scale(self, image: Array, solved: Mask, grid: PixelGrid) -> None:
         """InputError when image and light put the surface where numbers end, where the image tells the depth."""
         return

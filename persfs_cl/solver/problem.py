@@ -114,7 +114,7 @@ class Problem:
         boundary = self.domain.boundary
         return Image(
             log_depth=self.start,
-            brightness=self.shading,
+            brightness=self.model.read_by_kernels(self.shading),
             flags=self.domain.flags,
             parameters=self.model.parameters(
                 self.grid, sign=self.sign, max_slope=self.max_slope, unit=math.exp(self.level)
