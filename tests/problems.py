@@ -121,14 +121,17 @@ def sweeper(
     *,
     linear: bool = False,
     tolerance: float = 0.0,
+    rests: bool | None = None,
 ) -> Sweeper:
-    """The problem on a device, in a variant that can be stepped sweep by sweep."""
+    """The problem on a device, in a variant that can be stepped sweep by sweep; it rests as it does for users."""
     wide = lanes(device, precision)
+    if rests is None:
+        rests = problem.scheme.settles and not len(problem.domain.boundary.cells)
     if isinstance(ordering, Ordering):
-        ordering = fitted(ordering, device, precision)
+        ordering = replace(fitted(ordering, device, precision), rests=rests)
     elif ordering == "wavefront" and wide > 1:
         # The lowest strips, so that a small image has several, and the program that compiles fastest.
-        ordering = WavefrontStrips(wide, vectors=1, work_groups=device.compute_units)
+        ordering = WavefrontStrips(wide, vectors=1, work_groups=device.compute_units, rests=rests)
     return Sweeper(
         device,
         [problem.kernel_arguments],
@@ -137,4 +140,5 @@ def sweeper(
         precision=precision,
         linear=linear,
         tolerance=tolerance,
+        rests=rests,
     )

@@ -25,5 +25,5 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     update_colour(log_depth + begin, brightness + begin, flags + begin, &numbers, column_table + image * 3 * stride,
                   row_table + image * 3 * rows, rows, stride, 1 + (int)get_global_id(1), colour,
-                  (int)get_global_id(0), (int)get_global_size(0));
+                  (int)get_global_id(0), vectors_of(stride), (int)get_global_size(0));
 }

@@ -19,11 +19,20 @@
  * it has found nothing. So no group waits for another without end, however the groups are scheduled: what is left then
  * lies with groups that still work, and that go through all once more before they end.
  *
+ * With RESTS each band has a row of segments, and each of these the number of the last half-sweep that changed it. A
+ * segment is left alone if neither it nor its neighbours have changed since this colour had its turn, two half-sweeps
+ * ago: it would find the same values again. Before the first half-sweep, FIRST_HALF, a segment has FIRST_HALF - 1, or 0
+ * where there is nothing to sweep. What a group reads of a neighbour while that is changing does not matter: it belongs
+ * to the same colour.
+ *
  * Work-group size 1; any number of groups. `sync` counts over the whole run and is never reset: for each image the
  * bands that have finished their iterations, and for each band of each image twice the stages done, plus one while some
  * group does the next. Reads and writes log_depth in place.
  */
 #define LOOKS (32 * POLLS) /* polls without success, of counters in the cache: some hundred microseconds */
+
+#define SEGMENT (RESTS ? 4 : INT_MAX / 2) /* vectors of a colour */
+#define FIRST_HALF 3
 
 /* Claims a stage of a band for this group: 1 if that succeeds; `done` is the state of a band that is ready for it. */
 static inline int claim(__global volatile int *states, const int bands, const int band, const int done)
@@ -45,18 +54,66 @@ typedef struct {
     __global const real *column_table, *row_table;
     __global real *previous;
     __global float *change; /* of the iteration */
+    __global volatile int *changed; /* shape (bands + 2, segments + 2) */
     int rows, stride, first_colour, band_rows, bands, halves;
+    int first_half; /* of the iteration                                                */
+    int since;      /* the half-sweep that came first after the last search for the change */
 } picture;
+
+static inline int segments_of(const int stride)
+{
+    return 1 + (vectors_of(stride) - 1) / SEGMENT;
+}
+
+/* Of the segments of a band the first one's number of the half-sweep that changed it last. */
+static inline __global volatile int *changes_of(const picture *image, const int band)
+{
+    return image->changed + (band + 1) * (segments_of(image->stride) + 2) + 1;
+}
+
+/* Whether a half-sweep might change a segment. */
+static inline int may_change(__global volatile int *segment, const int segments, const int now)
+{
+    const int beside = max(segment[-1], segment[1]), across = max(segment[-(segments + 2)], segment[segments + 2]);
+    return max(segment[0], max(beside, across)) >= now - 2;
+}
+
+/* A half-sweep of the rows of a band. */
+static inline void sweep_band(const picture *image, const int band, const int top, const int bottom, const int stage)
+{
+    const int segments = segments_of(image->stride), now = image->first_half + stage;
+    __global volatile int *changed = changes_of(image, band);
+    for (int segment = 0; segment < segments; ++segment) {
+        if (RESTS && !may_change(changed + segment, segments, now))
+            continue;
+        const int first = SEGMENT * segment, last = min(first + SEGMENT, vectors_of(image->stride));
+        number moved = 0;
+        for (int row = top; row < bottom; ++row)
+            moved = most(moved, update_colour(image->log_depth, image->brightness, image->flags, image->parameters,
+                                              image->column_table, image->row_table, image->rows, image->stride, row,
+                                              (image->first_colour + stage) & 1, first, last, 1));
+        if (RESTS && any_sign(as_integer(0 - moved)))
+            changed[segment] = now;
+    }
+}
+
+/* Whether a band has changed since the last search for the change. */
+static inline int has_changed(const picture *image, const int band)
+{
+    __global volatile int *changed = changes_of(image, band);
+    int latest = 0;
+    for (int segment = 0; RESTS && segment < segments_of(image->stride); ++segment)
+        latest = max(latest, changed[segment]);
+    return !RESTS || latest >= image->since;
+}
 
 static inline void do_stage(const picture *image, const int band, const int stage)
 {
     const int top = 1 + band * image->band_rows, bottom = min(top + image->band_rows, image->rows - 1);
     const size_t stride = (size_t)image->stride;
     if (stage < image->halves)
-        for (int row = top; row < bottom; ++row)
-            update_colour(image->log_depth, image->brightness, image->flags, image->parameters, image->column_table,
-                          image->row_table, image->rows, image->stride, row, (image->first_colour + stage) & 1, 0, 1);
-    else {
+        sweep_band(image, band, top, bottom, stage);
+    else if (has_changed(image, band)) {
         const float change = largest_change(image->log_depth, image->previous, top * stride / LANES,
                                             bottom * stride / LANES, 1);
         atomic_max((__global int *)image->change, as_int(change));
@@ -116,10 +173,14 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
       __global volatile int *sync,       /* see above, shape (images * (1 + bands),)            */
       const int stages_before,           /* of this run                                         */
       const int iterations_before,       /* of this run                                         */
-      __global real *previous)           /* Z before an iteration, shape of log_depth           */
+      __global real *previous,           /* Z before an iteration, shape of log_depth           */
+      __global volatile int *changed,    /* see above, of each image                            */
+      const int sweeps_before,           /* of this run                                         */
+      const int measured_sweeps)         /* those before the last search for the change         */
 {
     const int bands = (rows - 2 + band_rows - 1) / band_rows, stages = halves + measured;
     const int group = (int)get_group_id(0), groups = (int)get_num_groups(0);
+    const size_t account = RESTS ? (size_t)(bands + 2) * (size_t)(segments_of(stride) + 2) : 0;
     const int first_image = (int)((long)images * group / groups);
     for (int found = 1; found;) {
         found = 0;
@@ -135,6 +196,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                 FENCE();
                 if (finished(changes, now, image, images, tolerance))
                     break;
+                const int first_half = FIRST_HALF + 2 * sweeps_before + done * halves;
                 const picture all = {log_depth + begin,
                                      brightness + begin,
                                      flags + begin,
@@ -143,12 +205,15 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                                      row_table + image * 3 * rows,
                                      previous + begin,
                                      changes + now * images + image,
+                                     changed + image * account,
                                      rows,
                                      stride,
                                      first_colour,
                                      band_rows,
                                      bands,
-                                     halves};
+                                     halves,
+                                     first_half,
+                                     done > 0 ? first_half : FIRST_HALF + 2 * measured_sweeps};
                 found |= iterate(&all, states, through, stages, stages_before + done * stages);
             }
         }

@@ -6,6 +6,12 @@
  */
 #define GAP (LANES > 4 ? LANES : 4) /* columns at the end of each half that are never written */
 
+/* Vectors of a colour in a row. */
+static inline int vectors_of(const int stride)
+{
+    return (stride / 2 - GAP) / LANES;
+}
+
 /* Here no neighbour comes before the others: a scheme with directions takes the least value of all four quadrants. */
 static inline number value_from_all_sides(const number brightness, const number here, const number left,
                                           const number right, const number up, const number down,
@@ -22,8 +28,10 @@ static inline number value_from_all_sides(const number brightness, const number 
 #endif
 }
 
-/* Updates, in place, the vectors `first`, `first + step`, ... of the cells of one colour in a row. */
-static inline void update_colour(__global real *log_depth,          /* of one image, (rows, stride), columns apart */
+/* Updates, in place, the vectors `first`, `first + step`, ... before `last` of the cells of one colour in a row. Returns
+ * the largest change, in each lane.
+ */
+static inline number update_colour(__global real *log_depth,          /* of one image, (rows, stride), columns apart */
                                  __global const real *brightness,   /* E, marked as in update.cl, same shape       */
                                  __global const uchar *flags,       /* same shape                                  */
                                  const parameter_set *parameters,   /* of the image                                */
@@ -32,8 +40,9 @@ static inline void update_colour(__global real *log_depth,          /* of one im
                                  const int rows, const int stride,
                                  const int row,    /* stored row                    */
                                  const int colour, /* parity of stored row + column */
-                                 const int first, const int step)
+                                 const int first, const int last, const int step)
 {
+    number moved = 0;
     const int half_stride = stride / 2;
     const int odd = (row + colour) & 1; /* these cells stand in the odd columns of their row */
     const long begin = (long)row * stride + odd * half_stride;
@@ -45,7 +54,7 @@ static inline void update_colour(__global real *log_depth,          /* of one im
     const real to_p = parameters->sign * parameters->half_inverse_dx;
     const real to_q = parameters->sign * parameters->half_inverse_dy;
 
-    for (int at = LANES * first; at < half_stride - GAP; at += LANES * step) {
+    for (int at = LANES * first; at < LANES * last; at += LANES * step) {
         __global real *cell = cells + at;
         const number shading = LOAD(shadings + at);
         const number here = LOAD(cell);
@@ -57,5 +66,7 @@ static inline void update_colour(__global real *log_depth,          /* of one im
         const number result =
             updated(value, shading, here, left, right, up, down, flags + begin + at, 1, x, y, parameters, 1);
         STORE(cell, result);
+        moved = most(moved, here - result);
     }
+    return moved;
 }

@@ -15,15 +15,19 @@
  * Left and up never leave the registers. A vector has LANES rows, here 8; several of them a strip hide the latency of
  * the square root. LANES steps make a block: as many unaligned loads, one a row and each a column further back,
  * transposed in registers, give the lanes of these steps, and the results go back the same way. So the arrays stay
- * row-major and in place, for all four directions. They are padded by STRIP_ROWS + LANES columns, and by rows to whole
+ * row-major and in place, for all four directions. They are padded by STRIP_ROWS + 2 LANES columns, and by rows to whole
  * strips and REACH more, on either side; the column table holds its numbers once more in reverse, shape (6, stride).
+ *
+ * With RESTS a block is skipped if nothing has changed in its tiles, and in those that it reads, since a sweep last ran
+ * it in the same direction, four sweeps ago: see tiles.cl. It would find the same values again, none of which was lower.
+ * For that, tiles are the same in all directions: height and width are counted in whole ones.
  */
 #define STRIP_ROWS (LANES * VECTORS)
 #define APART 32           /* integers from one strip's progress to the next: no common cache line, nor pair of lines */
 #define AHEAD 24           /* columns to prefetch: a strip has more rows than the hardware prefetcher follows */
 #define LEAD (64 / LANES)  /* blocks that a strip waits for beyond those it needs, so as to wait seldom */
 #define EVERY (32 / LANES) /* blocks after which progress is published, since that waits for all stores before it */
-#define UNROLLED 1
+#define UNROLLED (REACH == 2 || DIRECTED ? 1 : LANES) /* steps; long ones gain nothing by it                        */
 
 /* Lanes shifted by one row or by two: TO_BELOW gives each row the lane of the row above it, TO_ABOVE that of the row
  * below. The lanes for which there is none are then overwritten.
@@ -99,6 +103,7 @@ typedef struct {
     number old[REACH][VECTORS];    /* old values of the lanes; with reach 2 also to the right of them */
     number result[REACH][VECTORS]; /* new values of the step before; also of the one before that      */
     axis y[VECTORS];               /* of the rows                                                     */
+    number moved[VECTORS];         /* largest change on the steps of a block                          */
 } lanes;
 
 /* What the outer lanes read from outside the strip, on the steps of a block. */
@@ -111,6 +116,7 @@ typedef union {
 #define NEXT 1     /* of the row after that, by the same lane                                */
 #define NEAR_TOO 2 /* of the row next to the strip, as the next neighbour of the second lane */
 #define BORDERS (REACH == 2 ? 3 : 1)
+#define DIRECTED_ONLY (DIRECTED && REACH == 1) /* only what the sweep visits before is read */
 
 /* What stays the same along a strip. */
 typedef struct {
@@ -157,6 +163,9 @@ run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LA
             updated(value, e, here, way->leftwards ? right[0] : left[0], way->leftwards ? left[0] : right[0],
                     way->upwards ? down[0] : up[0], way->upwards ? up[0] : down[0],
                     flags + vector * LANES * way->skew, way->skew, x, y, parameters, with_rim);
+#if RESTS
+        state->moved[vector] = most(state->moved[vector], magnitude(here - result));
+#endif
         __attribute__((opencl_unroll_hint(REACH))) for (int next = REACH - 1; next >= 0; --next) {
             state->result[next][vector] = next > 0 ? left[next - 1] : result;
             state->old[next][vector] = right[next];
@@ -168,7 +177,50 @@ run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LA
 /* Blocks of a strip. */
 static inline int blocks_of(const int width)
 {
-    return (width + STRIP_ROWS - 1 + LANES - 1) / LANES;
+    return tiles_of(width) + VECTORS;
+}
+
+/* The tiles of the first vector of a block, in the order of the sweep: of the next vector they are one row further down
+ * and one tile further back.
+ */
+typedef struct {
+    __global volatile int *at; /* the tile that the block begins with; it ends in the one before */
+    int step, row_step;
+} tiles;
+
+static inline tiles tiles_at(__global volatile int *changed, const int height, const int width, const int leftwards,
+                             const int upwards, const int strip, const int block)
+{
+    const int high = tiles_of(height), wide = tiles_of(width), stride = wide + 2 * BORDER;
+    const int row = upwards ? high - 1 - strip * VECTORS : strip * VECTORS;
+    const int column = leftwards ? wide - 1 - block : block;
+    const tiles result = {
+        changed + (BORDER + row) * stride + BORDER + column,
+        leftwards ? -1 : 1,
+        upwards ? -stride : stride,
+    };
+    return result;
+}
+
+/* The last sweep that changed a tile which a block covers or reads. */
+static inline int last_change(const tiles all)
+{
+    int latest = 0;
+    __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = -1; vector < VECTORS + !DIRECTED_ONLY; ++vector)
+        for (int back = DIRECTED_ONLY - 1; back <= REACH; ++back)
+            latest = max(latest, all.at[vector * all.row_step - (max(vector, 0) + back) * all.step]);
+    return latest;
+}
+
+/* Notes that a sweep has changed the tiles of those vectors whose lanes have moved. */
+static inline void note_changes(const tiles all, const number *moved, const int sweep)
+{
+    __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
+        if (any_sign(as_integer(0 - moved[vector]))) {
+            __global volatile int *at = all.at + vector * (all.row_step - all.step);
+            at[0] = sweep;
+            at[-all.step] = sweep;
+        }
 }
 
 /* Publishes how many blocks of a strip are done, after their stores. */
@@ -197,10 +249,25 @@ static inline int patience_for(const int width)
     return POLLS + POLLS / 256 * blocks_of(width);
 }
 
+/* Puts the lanes on the steps that begin at `cell`, that of the first lane. */
+static inline __attribute__((always_inline)) void
+begin_at(lanes *state, __global const real *cell, const long skew, const long column_step)
+{
+    __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
+        __global const real *first = cell + vector * LANES * skew;
+        for (int k = 0; k < REACH; ++k) {
+            state->old[k][vector] = GATHER(number, first + k * column_step, skew);
+            state->result[k][vector] = GATHER(number, first - (k + 1) * column_step, skew);
+        }
+    }
+}
+
 /* Runs a strip from `first_block` on, as far as the strip before it allows: returns 1 when the strip is done, 0 when
  * the wait for the one before has timed out. All that a strip carries from block to block can be read from memory, so
  * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
  * `done_before` of them before this sweep. Reads brightness, flags and tables, and reads and writes log_depth in place.
+ *
+ * `changed` has the numbers of the sweeps that changed the tiles last, and `sweep` is that of this one, from FIRST_SWEEP.
  *
  * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says
  * that all strips are run by this work-item, in order: then nothing is waited for, and `progress` is not used.
@@ -208,16 +275,18 @@ static inline int patience_for(const int width)
 static inline __attribute__((always_inline)) int
 run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
           const parameter_set *parameters, __global const real *column_table, __global const real *row_table,
-          __global volatile int *progress, const int rows, const int stride, const int first_row,
-          const int first_column, const int height, const int width, const int leftwards, const int upwards,
-          const int strip, const int first_block, const int done_before, const int alone)
+          __global volatile int *progress, __global volatile int *changed, const int rows, const int stride,
+          const int first_row, const int first_column, const int height, const int width, const int leftwards,
+          const int upwards, const int strip, const int first_block, const int done_before, const int sweep,
+          const int alone)
 {
     const int blocks = blocks_of(width);
     const long column_step = leftwards ? -1 : 1;
     const long row_step = upwards ? -(long)stride : (long)stride;
     const long skew = row_step - column_step;
-    const long row = first_row + (upwards ? height - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
-    const long column = first_column + (leftwards ? width - 1 - LANES * first_block : LANES * first_block);
+    const long row = first_row + (upwards ? LANES * tiles_of(height) - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
+    const long column =
+        first_column + (leftwards ? LANES * (tiles_of(width) - first_block) - 1 : LANES * first_block);
     /* Where the first of a block's steps lies in memory, seen from the cell of the step that comes first in time. */
     const long low = leftwards ? -(LANES - 1) : 0;
     /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
@@ -233,15 +302,11 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
 
     lanes state;
     for (int vector = 0; vector < VECTORS; ++vector) {
-        const long first = cell + vector * LANES * skew;
         const long at = row + (upwards ? -LANES * vector : LANES * vector);
         state.y[vector] = gather_axis(row_table, rows, at, upwards ? -1 : 1);
-        for (int k = 0; k < REACH; ++k) {
-            state.old[k][vector] = GATHER(number, log_depth + first + k * column_step, skew);
-            state.result[k][vector] = GATHER(number, log_depth + first - (k + 1) * column_step, skew);
-        }
     }
-
+    tiles covered = tiles_at(changed, height, width, leftwards, upwards, strip, first_block);
+    int resting = 1;
     int ahead = strip > 0 && !alone ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
     for (int block = first_block; block < blocks; ++block) {
         const int needed = block + STRIP_ROWS / LANES + 1;
@@ -252,8 +317,16 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
                 return 0;
             }
         }
+        if (RESTS && last_change(covered) < sweep - 4)
+            resting = 1;
+        else {
+        if (resting)
+            begin_at(&state, log_depth + cell, skew, column_step);
+        resting = 0;
         number coming[VECTORS][LANES], shading[VECTORS][LANES];
         integer signs = 0;
+        for (int vector = 0; vector < VECTORS; ++vector)
+            state.moved[vector] = 0;
         __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
             __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r) {
                 const long at = cell + (vector * LANES + r) * skew + low;
@@ -309,6 +382,10 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
             __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r)
                 STORE(log_depth + cell + (vector * LANES + r) * skew + low, shading[vector][r]);
         }
+        if (RESTS)
+            note_changes(covered, state.moved, sweep);
+        }
+        covered.at += covered.step;
         cell += LANES * column_step;
         table -= LANES;
         if (!alone && (block % EVERY == EVERY - 1 || block == blocks - 1))

@@ -7,17 +7,17 @@
  */
 static inline void run_sweep(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
                              const parameter_set *parameters, __global const real *column_table,
-                             __global const real *row_table, const int rows, const int stride, const int first_row,
+                             __global const real *row_table, __global volatile int *changed, const int rows, const int stride, const int first_row,
                              const int first_column, const int height, const int width, const int leftwards,
-                             const int upwards)
+                             const int upwards, const int number)
 {
     for (int strip = 0; strip * STRIP_ROWS < height; ++strip) {
         if (leftwards)
-            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, rows, stride, first_row,
-                      first_column, height, width, 1, upwards, strip, 0, 0, 1);
+            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, changed, rows, stride,
+                      first_row, first_column, height, width, 1, upwards, strip, 0, 0, number, 1);
         else
-            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, rows, stride, first_row,
-                      first_column, height, width, 0, upwards, strip, 0, 0, 1);
+            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, changed, rows, stride,
+                      first_row, first_column, height, width, 0, upwards, strip, 0, 0, number, 1);
     }
 }
 
@@ -47,6 +47,8 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         __global const int4 *inwards,
         __global const int4 *beside,
         __global real *renewed,
+        __global volatile int *changed,    /* see tiles.cl, of each image                                      */
+        const int sweeps_before,           /* of this run                                                      */
         const int linear,                  /* 1: extrapolate, 0: outflow                                       */
         const float lowest)                /* floor of the linear extrapolation                                */
 {
@@ -57,21 +59,29 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
             return;
         const size_t begin = (size_t)image * size;
         __global real *z = log_depth + begin, *before = previous + begin;
+        __global volatile int *last_changes = changed + image * tiles_of_image(height, width);
         const parameter_set numbers = parameters[image];
         for (int k = iteration; k < iteration + iterations; ++k) {
             if (finished(changes, k, image, images, tolerance))
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {
                 run_sweep(z, brightness + begin, flags + begin, &numbers, column_table + image * 6 * stride,
-                          row_table + image * 3 * rows, rows, stride, first_row, first_column, height, width,
-                          sweep & 1, sweep >> 1);
+                          row_table + image * 3 * rows, last_changes, rows, stride, first_row, first_column, height, width, sweep & 1, sweep >> 1,
+                          FIRST_SWEEP + sweeps_before + 4 * (k - iteration) + sweep);
                 for (int pass = 0; pass < 2; ++pass) {
                     const int2 part = part_of(counts, image, pass);
                     compute_renewed(z, &numbers, inwards, beside, renewed, part.x, part.y, 0, 1, linear, (real)lowest);
                     apply_renewed(z, cells, renewed, part.x, part.y, 0, 1);
                 }
             }
+#if RESTS
+            const size_t first = (size_t)first_row * (size_t)stride + (size_t)first_column;
+            changes[k * images + image] = largest_change_of_tiles(
+                z + first, before + first, last_changes, stride, height, width,
+                FIRST_SWEEP + sweeps_before + 4 * (k - iteration), 0, 1);
+#else
             changes[k * images + image] = largest_change(z, before, 0, size / LANES, 1);
+#endif
         }
     }
 }

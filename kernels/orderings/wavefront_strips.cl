@@ -111,7 +111,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
       const int first_sweep,             /* of this launch, 0 to 3: odd ones leftwards, the last two upwards */
       const int sweeps,                  /* of this launch, 1 to 4                                           */
       __global volatile int *sync,       /* shape (FIRST_CLAIM + (1 + APART) * images * strips)              */
-      const int sweeps_before)           /* of this run                                                      */
+      const int sweeps_before,           /* of this run                                                      */
+      __global volatile int *changed)    /* see tiles.cl, of each image                                      */
 {
     const int strips = (height + STRIP_ROWS - 1) / STRIP_ROWS, total = strips * images;
     const launch all = {sync + FIRST_CLAIM, sync + FIRST_CLAIM + total, images, strips, blocks_of(width), first_sweep,
@@ -134,15 +135,19 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 const int first_block = atomic_add(done, 0) - done_before;
                 __global real *z = log_depth + begin;
                 __global const real *e = brightness + begin;
+                __global volatile int *last_changes = changed + image * tiles_of_image(height, width);
+                const int sweep = FIRST_SWEEP + sweeps_before + sweep_of_strip;
                 const parameter_set numbers = parameters[image];
                 __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
                 /* The flag as a constant, for two loops with straight addressing. */
                 if (direction & 1)
-                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, rows, stride, first_row, first_column,
-                                      height, width, 1, upwards, strip, first_block, done_before, 0);
+                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
+                                      first_row, first_column, height, width, 1, upwards, strip, first_block,
+                                      done_before, sweep, 0);
                 else
-                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, rows, stride, first_row, first_column,
-                                      height, width, 0, upwards, strip, first_block, done_before, 0);
+                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
+                                      first_row, first_column, height, width, 0, upwards, strip, first_block,
+                                      done_before, sweep, 0);
             }
             if (whole)
                 continue;

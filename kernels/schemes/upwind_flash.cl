@@ -16,7 +16,7 @@
  */
 #define RIM_CELLS 0 /* a missing neighbour has the value NOWHERE: no cell is treated apart */
 #define DIRECTED 1  /* a cell reads only the two neighbours before it in the sweep */
-#define NEAR_ENOUGH (1 / 32.0f) /* largest change of Z over which the quadratic of meet() is trusted */
+#define NEAR_ENOUGH (1 / 64.0f) /* largest change of Z over which the quadratic of meet() is trusted */
 #define MOST_ROUNDS 16
 
 /* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Mask
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 
 
@@ -45,6 +46,11 @@ class Image:
     inwards: NDArray[np.int32]
     edges: int
     outside: float | None = None
+
+    @property
+    def swept(self) -> Mask:
+        """Which pixels are."""
+        return np.asarray((self.flags & SWEPT) != 0)
 
     def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
         """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""

@@ -40,6 +40,8 @@ class Run:
     sweeps, own_measures : int
         Of each image that does not rest, since then: its sweeps, and its iterations in which the ordering's own kernel
         looked for the largest change.
+    measured_sweeps : int
+        Those sweeps that the last search for the largest change followed.
     sweeps_of, own_measures_of : ndarray of int, shape (images,)
         The same of each image, which may have come to rest.
     """
@@ -53,6 +55,7 @@ class Run:
     launches: int = 0
     sweeps: int = 0
     own_measures: int = 0
+    measured_sweeps: int = 0
     sweeps_of: NDArray[np.int64] = field(init=False)
     own_measures_of: NDArray[np.int64] = field(init=False)
 

@@ -52,6 +52,8 @@ class Sweeper:
         Correct converged values of the upwind scheme to second order.
     only_lower : bool
         With that, let values only fall.
+    rests : bool
+        Let an ordering that is chosen by its name leave alone what cannot change, as long as no boundary is renewed.
 
     Attributes
     ----------
@@ -79,13 +81,15 @@ class Sweeper:
         linear: bool = False,
         second_order: bool = False,
         only_lower: bool = False,
+        rests: bool = False,
     ) -> None:
         self._device = device
         self._real = device.real(precision)
         self.count = len(images)
         height, width = images[0].log_depth.shape
         if isinstance(ordering, str):
-            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower)
+            rests = rests and not any(len(image.cells) for image in images)
+            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower, rests)
             ordering = ordering_for(ordering, setup)
         self.ordering = ordering
         self._layout = ordering.layout((height, width))
@@ -141,6 +145,8 @@ class Sweeper:
         }
         if counters := self.ordering.counters(self.count, layout):
             values["sync"] = upload(device, np.zeros(counters, np.int32))
+        if (changes := self.ordering.last_changes(images)) is not None:
+            values["changed"] = upload(device, changes)
         return values
 
     def _make_kernels(self, precision: str) -> None:
@@ -151,7 +157,8 @@ class Sweeper:
             self._renew_items = min(256, self._renew.largest_group(device))
         if self.ordering.single_sweeps:
             wide = lanes(device, precision)
-            self._measure = kernel(device, ["change", "measure"], precision, {"LANES": wide}, "measure")
+            files = ["change", "tiles", "measure_tiles"] if self.ordering.counts_tiles else ["change", "measure"]
+            self._measure = kernel(device, files, precision, {"LANES": wide}, "measure")
             # With vectors each item takes a part of its own: see kernels/shared/measure.cl.
             self._measure_group = (1, 1) if wide > 1 else None
             most = (1 if wide > 1 else 1024) * device.compute_units
@@ -212,6 +219,7 @@ class Sweeper:
                 self._row += count
                 self._run.sweeps += 4 * count
                 self._run.own_measures += count
+                self._run.measured_sweeps = self._run.sweeps
         else:
             for _ in range(iterations):
                 events += [self._sweep_in_turn(), self.measure()]
@@ -269,7 +277,9 @@ class Sweeper:
     def measure(self) -> cl.Event:
         """Queue the search for the largest change since the last one."""
         size = (self._measure_items, self.count)
-        event = self._measure.launch(self._device, size, self._measure_group, self._run.values)
+        values = {**self._run.values, "measured_sweeps": self._run.measured_sweeps}
+        event = self._measure.launch(self._device, size, self._measure_group, values)
+        self._run.measured_sweeps = self._run.sweeps
         self._row += 1
         return event
 

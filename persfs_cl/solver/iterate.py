@@ -37,6 +37,7 @@ class Iteration:
     changes: list[list[float]]
     statuses: list[Status]
     variant: str
+    settles: bool = False
     build_seconds: float = 0.0
     kernel_seconds: float = 0.0
 
@@ -45,6 +46,7 @@ class Iteration:
         """Iterate to convergence at first order, and from there at second order if that is wanted."""
         images = [problem.kernel_arguments for problem in problems]
         run = cls(images, [[] for _ in images], [Status.CONVERGED] * len(images), "")
+        run.settles = problems[0].scheme.settles
         kernels = problems[0].kernels
         run._advance(device, kernels, options, callback)
         if options["accuracy_order"] == 2:
@@ -88,6 +90,7 @@ class Iteration:
             linear=options["boundary"] == "extrapolate",
             second_order=corrected is not None,
             only_lower=only_lower,
+            rests=self.settles,
         )
         self.build_seconds += time.perf_counter() - began
         if corrected is not None and not only_lower:

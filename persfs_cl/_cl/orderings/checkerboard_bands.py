@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
+from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, WORK_GROUP_OF_ONE, Ordering
 from persfs_cl._cl.run import Run
 
 _LAUNCHED_CELLS = 2**22
 """Of the iterations that make one launch: some ten milliseconds, against which a launch is nothing."""
+_SEGMENT, _BEFORE = 4, 2
+"""As in the kernel: vectors of a segment, and a number of a half-sweep before the first one."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,7 @@ class CheckerboardBands(Ordering):
     @property
     def definitions(self) -> dict[str, int]:
         """With the patience of a group."""
-        return {**super().definitions, "POLLS": self.polls}
+        return {**super().definitions, "POLLS": self.polls, "RESTS": int(self.rests)}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """Columns apart."""
@@ -57,6 +63,23 @@ class CheckerboardBands(Ordering):
     def counters(self, images: int, layout: Layout) -> int:
         """Of the images, and of the bands."""
         return images * (1 + self._bands(layout))
+
+    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
+        """Of segments of bands, see the kernel."""
+        if not self.rests:
+            return np.zeros(1, np.int32)
+        layout = self.layout(images[0].flags.shape)
+        half = layout.stride // 2 - max(self.lanes, 4)
+        wide = 2 * _SEGMENT * self.lanes
+        segments = -(-half // (_SEGMENT * self.lanes))
+        accounts = []
+        for image in images:
+            height, width = image.swept.shape
+            before, after = layout.first_column, segments * wide - layout.first_column - width
+            whole = np.pad(image.swept, ((0, -height % self.band_rows), (before, after)))
+            parts = whole.reshape(-1, self.band_rows, segments, wide).any(axis=(1, 3))
+            accounts.append(np.pad(np.where(parts, _BEFORE, 0).astype(np.int32), 1))
+        return np.stack(accounts)
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """One launch; the direction is of no consequence."""
@@ -91,6 +114,8 @@ class CheckerboardBands(Ordering):
             band_rows=self.band_rows,
             stages_before=2 * run.sweeps + run.own_measures,
             iterations_before=run.own_measures,
+            sweeps_before=run.sweeps,
+            measured_sweeps=run.measured_sweeps,
             **own,
         )
 

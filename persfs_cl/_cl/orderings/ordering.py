@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeVar
 
+import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.run import Run
 from persfs_cl.errors import KernelBuildError
@@ -29,7 +33,7 @@ class Setup:
     precision : {"float32", "float64"}
     shape : tuple of int
     images : int
-    second_order, only_lower : bool
+    second_order, only_lower, rests : bool
         See :class:`Ordering`.
     """
 
@@ -39,6 +43,7 @@ class Setup:
     images: int
     second_order: bool = False
     only_lower: bool = False
+    rests: bool = False
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class Ordering:
 
     A subclass names its kernel file and has :meth:`sweep`, or else :meth:`iterate`; the rest is as here unless it says
     otherwise. Its fields are the sizes that the kernel is compiled for and launched with. The results do not depend on
-    those, but for the last two.
+    those, but for `second_order` and `only_lower`.
 
     Attributes
     ----------
@@ -81,6 +86,10 @@ class Ordering:
         Correct the differences of the upwind scheme to second order.
     only_lower : bool
         Let the corrected values only fall.
+    rests : bool
+        Leave alone, in each sweep, what cannot change: where neither a part of an image nor what it reads has changed
+        since the last sweep in the same direction. Not for images with renewed boundary cells, which change between
+        sweeps. An ordering that keeps no account of changes has it without effect.
     """
 
     file: ClassVar[str]
@@ -99,11 +108,12 @@ class Ordering:
     lanes: int = 1
     second_order: bool = False
     only_lower: bool = False
+    rests: bool = False
 
     @classmethod
     def of(cls: type[Self], setup: Setup) -> Self:
         """With the usual sizes."""
-        return cls(second_order=setup.second_order, only_lower=setup.only_lower)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower, rests=setup.rests)
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -128,6 +138,18 @@ class Ordering:
     def counters(self, images: int, layout: Layout) -> int:
         """Length of `sync`, integers that the kernel keeps over the whole run, zero at first; 0 when it has none."""
         return 0
+
+    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32] | None:
+        """The account that the kernel keeps as `changed` of which sweep changed a part of an image last; None if none.
+
+        Where parts rest by it, sweeps must come in turn, in all four directions.
+        """
+        return None
+
+    @property
+    def counts_tiles(self) -> bool:
+        """Whether that account is one of tiles, see kernels/shared/tiles.cl."""
+        return False
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """Queue `count` sweeps, the first in the direction `number`, and give the event of the first launch."""

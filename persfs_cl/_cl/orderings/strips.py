@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl.arrays import Mask
 
 
 @dataclass(frozen=True)
@@ -37,11 +43,34 @@ class Strips(Ordering):
     @property
     def definitions(self) -> dict[str, int]:
         """With the height of a strip."""
-        return {**super().definitions, "VECTORS": self.vectors, "POLLS": self.polls}
+        return {**super().definitions, "VECTORS": self.vectors, "POLLS": self.polls, "RESTS": int(self.rests)}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """The last strip may reach past the image; lanes lean out by a strip's height and a block."""
-        return Layout.padded(shape, -shape[0] % self.strip_rows + self.margin, self.strip_rows + self.lanes)
+        return Layout.padded(shape, -shape[0] % self.strip_rows + self.margin, self.strip_rows + 2 * self.lanes)
+
+    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
+        """Of tiles, see kernels/shared/tiles.cl."""
+        if not self.rests:
+            return np.zeros(1, np.int32)
+        return np.stack([_first_changes(image.swept, self.lanes) for image in images])
+
+    @property
+    def counts_tiles(self) -> bool:
+        """Where blocks rest."""
+        return self.rests
 
     def _sizes(self) -> tuple[str, ...]:
         return f"rows: {self.strip_rows}", f"groups: {self.work_groups}"
+
+
+_BEFORE, _BORDER = 4, 8
+"""As in kernels/shared/tiles.cl: a number of a sweep before the first one, and tiles around the image."""
+
+
+def _first_changes(swept: Mask, side: int) -> NDArray[np.int32]:
+    """The account of tiles, so many pixels a side, before the first sweep; 0 where there is nothing to sweep."""
+    height, width = swept.shape
+    whole = np.pad(swept, ((0, -height % side), (0, -width % side)))
+    tiles = whole.reshape(whole.shape[0] // side, side, -1, side).any(axis=(1, 3))
+    return np.pad(np.where(tiles, _BEFORE, 0).astype(np.int32), _BORDER)

@@ -19,7 +19,7 @@ class WavefrontImages(Strips):
 
     file: ClassVar[str] = "wavefront_images"
     function: ClassVar[str] = "iterate"
-    before: ClassVar[tuple[str, ...]] = ("update", "strip", "boundary", "change")
+    before: ClassVar[tuple[str, ...]] = ("update", "change", "tiles", "strip", "boundary")
     reason: ClassVar[str] = "A small image fits into the cache of one processor, which takes it through all its sweeps."
     single_sweeps: ClassVar[bool] = False
 
@@ -35,4 +35,4 @@ class WavefrontImages(Strips):
         """One launch."""
         # Every group draws one ticket too many in each launch.
         first = run.launches * (run.images + self.work_groups)
-        return run.launch((self.work_groups,), WORK_GROUP_OF_ONE, iterations=iterations, first_ticket=first)
+        return run.launch((self.work_groups,), WORK_GROUP_OF_ONE, iterations=iterations, first_ticket=first, sweeps_before=run.sweeps)

@@ -39,6 +39,8 @@ class Scheme(ABC):
         Of accuracy.
     same_iterates : bool
         Whether kernels and reference have the same values after each sweep, and not only in the limit.
+    settles : bool
+        Whether most cells soon keep their value, so that it pays to keep account of which still change.
     why_no_other_boundary : str
         For who asks for one that is not among them.
     outside : float or None
@@ -52,6 +54,7 @@ class Scheme(ABC):
     highest_order: ClassVar[int] = 1
     same_iterates: ClassVar[bool] = True
     outside: ClassVar[float | None] = None
+    settles: ClassVar[bool] = False
 
     @abstractmethod
     def model(self, light: Light, reflectance: Reflectance) -> Model:

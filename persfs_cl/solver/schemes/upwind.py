@@ -29,6 +29,7 @@ class Upwind(Scheme):
     highest_order: ClassVar[int] = 2
     same_iterates: ClassVar[bool] = False
     outside: ClassVar[float | None] = NOWHERE
+    settles: ClassVar[bool] = True
 
     def model(self, light: Light, reflectance: Reflectance) -> Model:
         """See :meth:`Scheme.model`."""
