@@ -17,17 +17,38 @@
 #define MARGIN 0.1f /* the direction to the lamp moves U by less than this share of a change of Z */
 #define REMAINDER 0.01f /* share of the change of Z that may be left to the next sweep */
 
+/* U at t^2 = `square`, where the direction to the lamp is that at the depth 1 / `inverse_depth`. */
+static inline number climb_to(const number square, const number inverse_depth, const number left, const number up,
+                              const sided to_p, const sided to_q, const lamp at, const number x, const number y)
+{
+    const light_frame seen = towards(at, inverse_depth, x, y);
+    const sided dx = 1 / (2 * to_p), dy = 1 / (2 * to_q);
+    /* Neighbours seen from a surface that faces the lamp. */
+    const number from_left = fnma(dx * seen.p0, seen.per_facing, left);
+    const number from_up = fnma(dy * seen.q0, seen.per_facing, up);
+    return least_climb(dark_at(square), from_left, from_up, to_p, to_q, seen, NOWHERE);
+}
+
 /* `to_p` and `to_q` as in climb.cl. */
 static inline number inner_value(const number brightness, const number here, const number left, const number right,
                                  const number up, const number down, const sided to_p, const sided to_q, const axis x,
                                  const axis y, const parameter_set *parameters)
 {
-    const number at_x = x.coordinate, at_y = y.coordinate, inverse_brightness = 1 / brightness;
+    const number at_x = x.coordinate, at_y = y.coordinate;
     const lamp at = lamp_at(at_x, at_y, parameters);
     const sided dx = 1 / (2 * to_p), dy = 1 / (2 * to_q);
     const number highest = least(left + parameters->step_x, up + parameters->step_y);
+
+    /* Most cells get no lower value in most sweeps: where U is not below `here` at the t at which D is. */
+    const number depth_here = exponential(here), square_here = square_at(at, depth_here, brightness, parameters);
+    const number climb_here = climb_to(square_here, 1 / depth_here, left, up, to_p, to_q, at, at_x, at_y);
+    const number falls = choose(least(climb_here, highest) < here, -1, 1);
+    if (ONLY_LOWER && !any_sign(as_integer(falls)))
+        return NOWHERE;
+
+    const number inverse_brightness = 1 / brightness;
     const number last = root(square_at(at, nearest_depth(at), brightness, parameters));
-    number t = least(last, root(square_at(at, exponential(here), brightness, parameters)));
+    number t = least(last, root(square_here));
 
     const number rise_x = magnitude(dx) * root(multiply_add(at_y, at_y, 1));
     const number rise_y = magnitude(dy) * root(multiply_add(at_x, at_x, 1));
@@ -40,11 +61,7 @@ static inline number inner_value(const number brightness, const number here, con
     for (int step = 0; step < MOST_STEPS && any_sign(as_integer(unsettled)); ++step) {
         const number square = t * t;
         const number depth = depth_at(at, square, inverse_brightness, parameters);
-        const light_frame seen = towards(at, 1 / depth, at_x, at_y);
-        /* Neighbours seen from a surface that faces the lamp. */
-        const number from_left = fnma(dx * seen.p0, seen.per_facing, left);
-        const number from_up = fnma(dy * seen.q0, seen.per_facing, up);
-        const number climb = least_climb(dark_at(square), from_left, from_up, to_p, to_q, seen, NOWHERE);
+        const number climb = climb_to(square, 1 / depth, left, up, to_p, to_q, at, at_x, at_y);
         const number climbed = least(highest, climb);
         const number level = logarithm(depth), excess = climbed - level;
         /* The true value lies between, with a margin for U, which falls a little where the direction to the lamp does.
@@ -74,5 +91,5 @@ static inline number inner_value(const number brightness, const number here, con
         /* Near a kink or a jump of U secants alone hardly move. */
         t = step > 2 && (step & 1) ? middle : (next >= low ? (next <= high ? next : middle) : middle);
     }
-    return least(highest, found);
+    return ONLY_LOWER ? choose(falls < 0, least(highest, found), NOWHERE) : least(highest, found);
 }
