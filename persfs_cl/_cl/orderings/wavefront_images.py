@@ -35,4 +35,6 @@ class WavefrontImages(Strips):
         """One launch."""
         # Every group draws one ticket too many in each launch.
         first = run.launches * (run.images + self.work_groups)
-        return run.launch((self.work_groups,), WORK_GROUP_OF_ONE, iterations=iterations, first_ticket=first, sweeps_before=run.sweeps)
+        return run.launch(
+            (self.work_groups,), WORK_GROUP_OF_ONE, iterations=iterations, first_ticket=first, sweeps_before=run.sweeps
+        )
