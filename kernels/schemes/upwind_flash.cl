@@ -17,6 +17,8 @@
 #define RIM_CELLS 0 /* a missing neighbour has the value NOWHERE: no cell is treated apart */
 #define DIRECTED 1  /* a cell reads only the two neighbours before it in the sweep */
 #define NEAR_ENOUGH (1 / 64.0f) /* largest change of Z over which the quadratic of meet() is trusted */
+#define REMAINDER 0.01f /* share of the change of Z that may be left to the next sweep */
+#define ROUNDED (USE_DOUBLE ? 1e-14f : 1e-7f) /* rounding error of Z */
 #define MOST_ROUNDS 16
 
 /* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`.
@@ -29,8 +31,8 @@
  * is, whatever the material, and so leads to a value below `here`. How far it is from the true one is of second order in
  * how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it, and short of it by at
  * most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH. With so much more it is beyond, where U
- * counts, which is far less steep than D. Where it is not near enough, and for other materials, the larger of both
- * counts, and the place found is the next to begin from.
+ * counts, which is far less steep than D. Where it is not near enough, or D counts all the same, as it may with other
+ * materials, the place found is the next to begin from.
  *
  * Edge and triangle together, since each step waits for the one before: one hides the latency of the other.
  */
@@ -66,7 +68,8 @@ static inline void meet(const number *base, const number *offset, const number *
             found[k] = going[k] < 0 ? better : found[k];
             level[k] = down;
             t_square[k] = steepness;
-            going[k] = choose(magnitude(moved) > NEAR_ENOUGH, going[k], 1);
+            const number left = down - up - multiply_add(REMAINDER, magnitude(here - found[k]), ROUNDED);
+            going[k] = choose(most(left, magnitude(moved) - NEAR_ENOUGH) > 0, going[k], 1);
         }
 }
 
