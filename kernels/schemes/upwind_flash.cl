@@ -20,6 +20,18 @@
 #define REMAINDER 0.01f /* share of the change of Z that may be left to the next sweep */
 #define ROUNDED (USE_DOUBLE ? 1e-14f : 1e-7f) /* rounding error of Z */
 #define MOST_ROUNDS 16
+#define LAMBERTIAN (NEWTON_STEPS == 0)
+
+/* The lower and the higher of two values; a NaN in `a` stays. */
+static inline number lower_of(const number a, const number b)
+{
+    return a > b ? b : a;
+}
+
+static inline number higher_of(const number a, const number b)
+{
+    return a < b ? b : a;
+}
 
 /* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`.
  *
@@ -31,8 +43,9 @@
  * is, whatever the material, and so leads to a value below `here`. How far it is from the true one is of second order in
  * how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it, and short of it by at
  * most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH. With so much more it is beyond, where U
- * counts, which is far less steep than D. Where it is not near enough, or D counts all the same, as it may with other
- * materials, the place found is the next to begin from.
+ * is the larger of both, and far less steep than D: that is the value, for which no logarithm is wanted. Where it is not
+ * near enough, and for other materials, the larger of both is the value, and where that is D, by more
+ * than a share of the change, the place found is the next to begin from.
  *
  * Edge and triangle together, since each step waits for the one before: one hides the latency of the other.
  */
@@ -49,28 +62,36 @@ static inline void meet(const number *base, const number *offset, const number *
         going[k] = -1;
         found[k] = NOWHERE;
     }
-    for (int again = 0; again < MOST_ROUNDS && any_sign(as_integer(going[0]) | as_integer(going[1])); ++again)
+    for (int again = 0; again < MOST_ROUNDS && any_sign(as_integer(going[0]) | as_integer(going[1])); ++again) {
+        number length[2], up[2], moved[2], far[2];
         BOTH {
             const number bend = slope[k] / minus_log_c_derivative(t_square[k], parameters);
             const number square_length = most(0, multiply_add(slope[k], t_square[k], offset[k]));
             const number rest = most(0, multiply_add(2 * bend, level[k] - base[k], square_length));
             const number inverse = 1 / (bend + root(multiply_add(bend, bend, rest)));
-            const number first_root = rest * inverse, moved = base[k] + first_root - level[k];
-            const number length = multiply_add((5 * moved) * moved, bend * inverse, first_root);
-            const number steepness = most(0, multiply_add(length, length, -offset[k]) * per_slope[k]);
-            const number up = base[k] + length;
-            const number excess = multiply_add(2, up, log_f) + minus_log_c(steepness, parameters);
-            const number down = multiply_add(-0.5f, excess, up);
-            /* Written so that a NaN stays one. */
-            const number highest = up > down ? up : down;
-            const number better = highest > found[k] ? found[k] : highest;
+            const number first_root = rest * inverse;
+            moved[k] = base[k] + first_root - level[k];
+            length[k] = multiply_add((5 * moved[k]) * moved[k], bend * inverse, first_root);
+            up[k] = base[k] + length[k];
+            far[k] = choose(magnitude(moved[k]) > NEAR_ENOUGH, going[k], 1);
+        }
+        if (LAMBERTIAN && !any_sign(as_integer(far[0]) | as_integer(far[1]))) {
+            BOTH found[k] = choose(going[k] < 0, lower_of(up[k], found[k]), found[k]);
+            return;
+        }
+        BOTH {
+            const number steepness = most(0, multiply_add(length[k], length[k], -offset[k]) * per_slope[k]);
+            const number excess = multiply_add(2, up[k], log_f) + minus_log_c(steepness, parameters);
+            const number down = multiply_add(-0.5f, excess, up[k]);
+            const number highest = LAMBERTIAN ? choose(far[k] < 0, higher_of(up[k], down), up[k]) : higher_of(up[k], down);
             /* A lane that is near enough stays, so that its bits do not depend on how long others take. */
-            found[k] = going[k] < 0 ? better : found[k];
+            found[k] = choose(going[k] < 0, lower_of(highest, found[k]), found[k]);
             level[k] = down;
             t_square[k] = steepness;
-            const number left = down - up - multiply_add(REMAINDER, magnitude(here - found[k]), ROUNDED);
-            going[k] = choose(most(left, magnitude(moved) - NEAR_ENOUGH) > 0, going[k], 1);
+            const number left = down - up[k] - multiply_add(REMAINDER, magnitude(here - found[k]), ROUNDED);
+            going[k] = LAMBERTIAN ? far[k] : choose(left > 0, going[k], far[k]);
         }
+    }
 }
 
 /* `to_p` and `to_q` as in climb.cl. */
