@@ -361,7 +361,6 @@ def with_first_order(problem: Problem, device: Device, precision: str) -> Proble
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
-# PoCL compiles the kernels for each shape.
 SHAPES = dict(enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]))
 
 
