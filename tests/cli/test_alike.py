@@ -28,9 +28,9 @@ def said(count: int, *, every_name: bool) -> Alike:
 
 def test_a_reason_that_many_share_is_told_once_and_each_is_named() -> None:
     alike = said(5, every_name=True)
+    why = "in/000.png has no mask: masks/000.png.png does not exist."
     assert list(alike.lines()) == [
-        "persfs-cl: 5 photos, 000.png, 001.png, 002.png and others: "
-        "in/000.png has no mask: masks/000.png.png does not exist.",
+        f"persfs-cl: 5 photos, 000.png, 001.png, 002.png and others: {why}",
         "persfs-cl: 003.png: the same as 000.png.",
         "persfs-cl: 004.png: the same as 000.png.",
         "persfs-cl: text.png: in/text.png is no image.",
