@@ -28,7 +28,7 @@ from persfs_cl._cl.orderings import checkerboard_bands
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
 from persfs_cl._cl.orderings.lexicographic import Lexicographic
-from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
 from persfs_cl._cl.orderings.strips import Strips
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
@@ -611,3 +611,14 @@ def test_the_library_is_given_no_vectors(name: str) -> None:
     """Its functions may be compiled for wider registers than the kernels: PoCL's then end the process."""
     code = re.sub(r"/\*.*?\*/", "", kernel_source(name), flags=re.DOTALL)
     assert not re.search(r"\b(convert_|vload|vstore|native_|half_\w+\()", code)
+
+
+def test_rows_of_all_lengths_are_taken_by_groups_of_one_size(device: Device) -> None:
+    """PoCL compiles a kernel anew for each size of a group."""
+    sizes, groups = zip(*(in_row_groups(device, width, 3, 2) for width in (2, 63, 64, 65, 1000)), strict=True)
+    assert len(set(groups)) == 1
+    assert [size[1:] for size in sizes] == [(3, 2)] * 5
+    for size, width in zip(sizes, (2, 63, 64, 65, 1000), strict=True):
+        assert size[0] % groups[0][0] == 0
+        assert width <= size[0] < width + groups[0][0]
+    assert in_row_groups(device, 1, 3, 2) == ((1, 3, 2), (1, 1, 1)), "vectors of a whole row"
