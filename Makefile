@@ -32,7 +32,7 @@ help:
 install: $(INSTALLED)
 
 $(INSTALLED): pyproject.toml
-	@echo "Installing into $(VENV), which takes a minute or two."
+	@echo "Installing into $(VENV), which takes about two minutes, or longer over a slow connection."
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --editable '.[dev]'
 	touch $@

@@ -10,6 +10,7 @@ other tests has strips of a single vector; what processes of their own run is as
 from __future__ import annotations
 
 import os
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
@@ -32,6 +33,10 @@ from persfs_cl._cl.selection import select_device
 hypothesis.settings.register_profile("unhurried", deadline=None)
 hypothesis.settings.load_profile("unhurried")
 
+# What Python compiles is kept, whatever the environment says: each of the many processes that tests start would compile
+# the whole package again, and each of those that run tests all of these.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 _LEFT_OUT = pytest.StashKey[int]()
 

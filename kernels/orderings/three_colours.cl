@@ -1,8 +1,8 @@
 /* A third of a sweep: all cells of one colour, which is (row + column) modulo 3. With second-order differences a cell
  * reads two neighbours on every side, none of which has its colour. Three launches visit every cell once.
  *
- * One work-item takes one cell, and updates it if it has the colour: global size (width, height, images). Reads and
- * writes log_depth in place.
+ * One work-item takes one cell, and updates it if it has the colour: global size (width or more, height,
+ * images). Reads and writes log_depth in place.
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
                     __global const real *brightness,   /* E, marked as in update.cl, same shape               */

@@ -40,6 +40,8 @@ def draw(folder: Path, records: Sequence[Record], foot: str) -> list[Path]:
     list of Path
         The files written. A plot of an earlier run that these records do not allow is deleted.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     written = []
     makers = {"scaling": _scaling, "yardsticks": _yardsticks, "convergence": _convergence, "accuracy": _accuracy}
     for name, make in makers.items():
@@ -51,7 +53,8 @@ def draw(folder: Path, records: Sequence[Record], foot: str) -> list[Path]:
                 continue
             figure.supxlabel(foot, fontsize=5.5, color="0.35", wrap=True)
             with atomic_path(path) as temporary:
-                figure.savefig(temporary, format="png")
+                # Not by savefig(), which would arrange everything twice.
+                FigureCanvasAgg(figure).print_png(temporary)  # type: ignore[no-untyped-call]
         written.append(path)
     return written
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from persfs_cl.cli.alike import Alike
 from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
@@ -216,7 +217,10 @@ def batch(
     root = store.root if isinstance(store, FolderStore) else None
     if root is not None and root.exists() and not root.is_dir():
         raise typer.BadParameter(f"{root} is a file: name a folder.", param_hint="'--output' / '-o'")
-    listing = list_inputs(paths, output=root, masks=masks, frames=frames)
+    try:
+        listing = list_inputs(paths, output=root, masks=masks, frames=frames)
+    except InputError as error:
+        raise WrongOption(error) from error
     whole = Batch(listing, plan, store, again=again, shard=share)
     spell = spelling(ctx.command.params)
     if dry_run:
@@ -240,9 +244,9 @@ def batch(
                 show(f"{store}/{result.name}" if result.error is None else "")
         stopped = interrupted()
     tally.skipped = whole.skipped
-    typer.echo(tally.table(), err=True, nl=False)
+    typer.echo(tally.told(), err=True, nl=False)
     try:
-        names = publish(store, title=title_of(paths), parameters=plan.parameters())
+        names = publish(store, listing.inputs, title=title_of(paths), parameters=plan.parameters())
     except InputError:
         typer.echo(tally.summary(), err=True)
         raise
@@ -263,19 +267,20 @@ def _look(whole: Batch, spell: Spelling) -> None:
     """
     usable = failed = 0
     pixels = 0.0
+    failures, warnings = Alike(every_name=True), Alike(every_name=False)
     for one in whole.pending():
         if isinstance(one, BatchResult):
-            name, error = one.name, one.error
+            name, path, error = one.name, one.path, one.error
         else:
-            name, error = one.name, None
+            name, path, error = one.name, one.job.path, None
             try:
                 with hearing() as said:
                     found = look(one.job)
             except PersfsError as refusal:
                 error = refusal
             else:
-                for heard in said:
-                    typer.echo(f"persfs-cl: {name}: warning: {in_a_line(heard.warning, spell)}", err=True)
+                for text in dict.fromkeys(in_a_line(heard.warning, spell) for heard in said):
+                    warnings.add(name, path, text)
                 usable, pixels = usable + 1, pixels + found.megapixels
                 height, width = found.size
                 camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
@@ -283,7 +288,11 @@ def _look(whole: Batch, spell: Spelling) -> None:
                 typer.echo(f"{name}\t{width} x {height}\t{camera}\t{mask}")
         if error is not None:
             failed += 1
-            typer.echo(f"persfs-cl: {name}: {in_a_line(error, spell)}", err=True)
+            failures.add(name, path, in_a_line(error, spell))
+    for line in (*warnings.lines("warning: "), *failures.lines()):
+        typer.echo(line, err=True)
+    if failures.more:
+        typer.echo(f"and {failures.more} more.", err=True)
     parts = [f"{usable} would be done, {pixels:.4g} million pixels"]
     parts += [f"{whole.skipped} were done before"] * bool(whole.skipped)
     parts += [f"{failed} cannot be used"] * bool(failed)

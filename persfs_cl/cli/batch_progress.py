@@ -15,12 +15,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from persfs_cl.cli.alike import Alike
 from persfs_cl.cli.spelling import in_a_line
 from persfs_cl.pipeline.batch import Batch, BatchResult
 from persfs_cl.wording import Spelling
 
-_SHOWN = 100
-"""Failures that are listed at the end; the page and the table of the results have all."""
 _EVERY = 0.1
 """Seconds between two changes of the bar."""
 
@@ -41,18 +40,20 @@ class Tally:
     skipped: int = 0
     warned: int = 0
     unfinished: int = 0
-    failures: list[tuple[str, str]] = field(default_factory=list)
+    failures: Alike = field(default_factory=lambda: Alike(every_name=True))
+    warnings: Alike = field(default_factory=lambda: Alike(every_name=False))
     began: float = field(default_factory=time.perf_counter)
 
     def add(self, result: BatchResult) -> None:
         """Count a result."""
         if result.error is not None:
             self.failed += 1
-            if len(self.failures) < _SHOWN:
-                self.failures.append((result.name, in_a_line(result.error, self.spell)))
+            self.failures.add(result.name, result.path, in_a_line(result.error, self.spell))
             return
         self.done += 1
         self.warned += bool(result.record.warnings)
+        for warning in dict.fromkeys(result.record.warnings):
+            self.warnings.add(result.name, result.path, in_a_line(warning, self.spell))
         self.unfinished += result.record.converged != "CONVERGED"
 
     def summary(self) -> str:
@@ -66,17 +67,22 @@ class Tally:
         parts += [f"{self.warned} with warnings"] * bool(self.warned)
         return f"{', '.join(parts)}."
 
-    def table(self) -> str:
-        """What failed, and why: a table on a terminal, else lines."""
-        if not self.failures:
+    def told(self) -> str:
+        """What was warned of, and what failed, and why: that as a table on a terminal, else as lines."""
+        warnings = "".join(f"{line}\n" for line in self.warnings.lines("warning: "))
+        if self.warnings.more:
+            warnings += f"and {self.warnings.more} more warnings, which summary.csv has.\n"
+        return warnings + self._failures()
+
+    def _failures(self) -> str:
+        if not self.failed:
             return ""
-        more = self.failed - len(self.failures)
-        rest = f"and {more} more, which summary.csv has.\n" if more else ""
+        rest = f"and {self.failures.more} more, which summary.csv has.\n" if self.failures.more else ""
         if not sys.stderr.isatty():
-            return "".join(f"persfs-cl: {name}: {why}\n" for name, why in self.failures) + rest
-        table = Table("photo", "why it failed", title=f"{self.failed} failed", title_justify="left")
-        for name, why in self.failures:
-            table.add_row(name, why)
+            return "".join(f"{line}\n" for line in self.failures.lines()) + rest
+        table = Table("photo", "why it failed", title=f"{self.failed} failed", title_justify="left", show_lines=True)
+        for count, names, why in self.failures.groups():
+            table.add_row("\n".join(names), why if count == 1 else f"{count} photos: {why}")
         text = io.StringIO()
         Console(file=text, width=Console(stderr=True).width, markup=False, highlight=False).print(table)
         return text.getvalue() + rest

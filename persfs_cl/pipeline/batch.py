@@ -297,7 +297,7 @@ def batch(
     mask, walls, known_depth, albedo : path, optional
         Files for all photographs, of their size.
     frames : str, optional
-        Which frames of videos, "START:STOP:STEP".
+        Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
     save, mesh_faces
         What is written, as for :meth:`persfs_cl.surface.saving.Saving.of`.
     again : {"changed", "all", "none", "failed"}
@@ -380,16 +380,17 @@ def batch(
     if not listing.inputs and not listing.problems:
         raise InputError.about("inputs", inputs, "holds no path: give photographs, folders, patterns or lists.")
     whole = Batch(listing, plan, store, again=again, shard=as_shard(shard))
-    return _shown(whole.results(workforce(plan, store, device, max_memory, scheduler)), plan, store, given)
+    results = whole.results(workforce(plan, store, device, max_memory, scheduler))
+    return _shown(results, plan, store, listing, title_of([str(one) for one in given]))
 
 
 def _shown(
-    results: Iterator[BatchResult], plan: Plan, store: Store | None, given: Sequence[FilePath]
+    results: Iterator[BatchResult], plan: Plan, store: Store | None, listing: Listing, title: str
 ) -> Iterator[BatchResult]:
     """The results, and then, where they are written, the page of all."""
     yield from results
     if store is not None:
-        publish(store, title=title_of([str(one) for one in given]), parameters=plan.parameters())
+        publish(store, listing.inputs, title=title, parameters=plan.parameters())
 
 
 def _require_same_photo(one: Input, before: Known) -> None:

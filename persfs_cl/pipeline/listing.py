@@ -111,13 +111,20 @@ def list_inputs(
     Raises
     ------
     InputError
-        When `frames` is no such text, or a path is none.
+        When `frames` is no such text, or there are photographs and no video that it could be about, or a path is none.
     """
     paths: Iterable[FilePath] = [given] if isinstance(given, (str, os.PathLike)) else given
     lister = _Lister(output, masks, read_stdin, video.frame_slice(frames))
     for path in paths:
         # Not through a Path where it is a text, which would lose what is odd about it.
         lister.add(path if isinstance(path, str) else str(as_path(path)))
+    if frames is not None and lister.found and not lister.videos:
+        raise InputError.about(
+            "frames",
+            frames,
+            "chooses frames of videos, and none is given: name videos by their paths or a pattern, for those in "
+            "folders are left out, or leave it away.",
+        )
     return lister.listing()
 
 
@@ -166,6 +173,7 @@ class _Lister:
         self.read_stdin, self.frames = read_stdin, frames
         self.found: dict[str, _Found] = {}
         self.problems: list[tuple[str, InputError]] = []
+        self.videos = 0
         self.roots: dict[str, None] = {}
         self.places: dict[str, str] = {}
 
@@ -247,6 +255,7 @@ class _Lister:
         if suffix not in video.SUFFIXES:
             self.found.setdefault(entry.place, entry)
             return
+        self.videos += 1
         try:
             count = video.count_frames(entry.path)
         except InputError as error:

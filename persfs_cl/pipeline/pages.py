@@ -10,6 +10,7 @@ from typing import Any
 from persfs_cl.gallery.contact import write_contact_sheet
 from persfs_cl.gallery.index import write_index
 from persfs_cl.gallery.summary import write_summary
+from persfs_cl.pipeline.listing import Input
 from persfs_cl.pipeline.manifest import Record, latest, latest_records
 from persfs_cl.pipeline.store import FolderStore, Store
 
@@ -22,12 +23,16 @@ def title_of(inputs: Sequence[str]) -> str:
     return ", ".join(inputs[:3]) + (f" and {len(inputs) - 3} more" if len(inputs) > 3 else "")
 
 
-def publish(store: Store, *, title: str, parameters: Mapping[str, Any]) -> list[str]:
-    """Write index.html, contact.jpg and summary.csv, of all that the manifest tells of.
+def publish(store: Store, given: Sequence[Input], *, title: str, parameters: Mapping[str, Any]) -> list[str]:
+    """Write index.html, contact.jpg and summary.csv, of what the manifest tells of.
+
+    What is not given any more, and has no results, is left out.
 
     Parameters
     ----------
     store : Store
+    given : sequence of Input
+        All photos, those of other shares too.
     title : str
     parameters : mapping
         What all photos have in common.
@@ -43,6 +48,10 @@ def publish(store: Store, *, title: str, parameters: Mapping[str, Any]) -> list[
         When one cannot be written.
     """
     known = latest(store.manifests())
+    # Mostly it is all of them, and nothing need be looked for.
+    if sum(one.name in known for one in given) < len(known):
+        names, there = {one.name for one in given}, store.results()
+        known = {name: about for name, about in known.items() if name in names or name in there}
 
     def records() -> Iterator[Record]:
         return latest_records(store.manifests(), known)

@@ -28,7 +28,7 @@ from persfs_cl._cl.orderings import checkerboard_bands
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
 from persfs_cl._cl.orderings.lexicographic import Lexicographic
-from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
 from persfs_cl._cl.orderings.strips import Strips
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
@@ -99,9 +99,14 @@ def compared_with_the_reference(name: str) -> list[str]:
     return ["wavefront", *(["lexicographic"] if name in OTHER_MATERIALS else [])]
 
 
-@pytest.mark.quick_where(
-    holds=lambda given: in_turn(given) and given["ordering"] == compared_with_the_reference(given["name"])[-1]
-)
+def quickly_compared(parameters: Mapping[str, Any]) -> bool:
+    """Whether a test of these parameters is a quick one: of other materials the last shape alone."""
+    name, last = parameters["name"], shapes_for_the_reference(parameters["name"])[-1]
+    shown = name not in OTHER_MATERIALS or parameters["shape"] == last
+    return shown and in_turn(parameters) and parameters["ordering"] == compared_with_the_reference(name)[-1]
+
+
+@pytest.mark.quick_where(holds=quickly_compared)
 @pytest.mark.parametrize(
     ("name", "ordering", "shape"),
     [
@@ -125,7 +130,7 @@ def test_each_sweep_equals_the_reference(
 
 def coloured_problem(name: str) -> Problem:
     # The reference of a lamp beside the camera takes its time here too.
-    shape = (9, 14) if name in LAMPS else (23, 38)
+    shape = (7, 8) if name in LAMPS else (23, 38)
     return random_problem(3, shape, boundary="wall", **SETUPS[name])
 
 
@@ -403,7 +408,6 @@ def with_first_order(problem: Problem, device: Device, precision: str) -> Proble
     return replace(problem, first=kernel.log_depth()[0].astype(np.float64))
 
 
-# PoCL compiles the kernels for each shape.
 SHAPES = dict(enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (33, 130), (130, 21)]))
 
 
@@ -649,3 +653,14 @@ def test_the_library_is_given_no_vectors(name: str) -> None:
     """Its functions may be compiled for wider registers than the kernels: PoCL's then end the process."""
     code = re.sub(r"/\*.*?\*/", "", kernel_source(name), flags=re.DOTALL)
     assert not re.search(r"\b(convert_|vload|vstore|native_|half_\w+\()", code)
+
+
+def test_rows_of_all_lengths_are_taken_by_groups_of_one_size(device: Device) -> None:
+    """PoCL compiles a kernel anew for each size of a group."""
+    sizes, groups = zip(*(in_row_groups(device, width, 3, 2) for width in (2, 63, 64, 65, 1000)), strict=True)
+    assert len(set(groups)) == 1
+    assert [size[1:] for size in sizes] == [(3, 2)] * 5
+    for size, width in zip(sizes, (2, 63, 64, 65, 1000), strict=True):
+        assert size[0] % groups[0][0] == 0
+        assert width <= size[0] < width + groups[0][0]
+    assert in_row_groups(device, 1, 3, 2) == ((1, 3, 2), (1, 1, 1)), "vectors of a whole row"

@@ -9,9 +9,11 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import run
 from PIL import Image
+from videos import make_video
 
 import persfs_cl as ps
 from persfs_cl.cli.batch_progress import Tally, progress_bar
@@ -115,6 +117,7 @@ def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
         (("--mask", "a.png", "--masks", "."), ("--mask", "not both")),
         (("--normalise", "grey"), ("--normalise", "leave it out")),
         (("--frames", "a:b"), ("--frames a:b",)),
+        (("--frames", ":3"), ("--frames :3", "none is given")),
         (("--scheduler", "tcp://localhost:1", "--device", "all"), ("--device all",)),
         (("--scheme", "upwinds"), ("upwinds",)),
     ],
@@ -209,3 +212,60 @@ def test_shares_together_do_all(photos: Path, tmp_path: Path) -> None:
     files = sorted((tmp_path / "out/manifest").glob("*.jsonl"))
     records = [json.loads(line) for file in files for line in file.read_text(encoding="utf-8").splitlines()]
     assert sorted(record["name"] for record in records) == ["a.png", "b.png", "deep/a.png"]
+
+
+def test_frames_of_a_video_with_masks_of_their_own(tmp_path: Path) -> None:
+    clip, masks, out = tmp_path / "clip.mkv", tmp_path / "masks", tmp_path / "out"
+    levels = [np.round(share * SCENE.image / SCENE.image.max()).astype(np.uint8) for share in (255, 230, 205, 180)]
+    make_video(clip, [np.repeat(frame[..., None], 3, axis=-1) for frame in levels])
+    mask = np.full(SCENE.image.shape, 255, np.uint8)
+    mask[:, :4] = 0
+    (masks / "clip.mkv").mkdir(parents=True)
+    Image.fromarray(np.full_like(mask, 255)).save(masks / "clip.mkv.png")
+    Image.fromarray(mask).save(masks / "clip.mkv" / "000003.png")
+    options = (*FLASH, "--masks", masks, "--frames", "1::2", "--save", "depth.npy")
+    outcome = run("batch", clip, "-o", out, *options)
+    assert outcome.status == 0, outcome.stderr
+    names = ["clip.mkv/000001", "clip.mkv/000003"]
+    assert sorted(outcome.stdout.splitlines()) == [str(out / name) for name in names]
+    shared, own = (np.load(out / name / "depth.npy") for name in names)
+    assert np.isfinite(shared).all()
+    np.testing.assert_array_equal(np.isfinite(own), mask > 0)
+    Image.fromarray(levels[1]).save(tmp_path / "one.png")
+    light = ps.prepare_photo(ps.read_photo(tmp_path / "one.png"), SCENE.camera).light
+    np.testing.assert_array_equal(shared, ps.reconstruct(light, SCENE.camera, light=ps.FlashLight()).depth)
+    assert "2 were done before" in run("batch", clip, "-o", out, *options).stderr
+
+
+def test_a_folder_of_colmap_with_its_cameras_and_masks(tmp_path: Path) -> None:
+    """Names below a folder, masks named after them, and a camera that two images share."""
+    images, sparse, masks, out = (tmp_path / name for name in ("images", "sparse", "masks", "out"))
+    names = ["left/a.png", "left/b.png", "right/a.png"]
+    for name in names:
+        (images / name).parent.mkdir(parents=True, exist_ok=True)
+        (masks / name).parent.mkdir(parents=True, exist_ok=True)
+        write_grey(images / name, SCENE.image / SCENE.image.max())
+        Image.fromarray(np.full(SCENE.image.shape, 255, np.uint8)).save(masks / f"{name}.png")
+    height, width = SCENE.image.shape
+    sparse.mkdir()
+    (sparse / "cameras.txt").write_text(
+        f"# Camera list\n1 SIMPLE_PINHOLE {width} {height} 24 {width / 2} {height / 2}\n"
+        f"2 PINHOLE {width} {height} 30 31 {width / 2} {height / 2}\n"
+    )
+    poses = [(1, 1, names[0]), (2, 1, names[1]), (3, 2, names[2])]
+    (sparse / "images.txt").write_text(
+        "# Image list\n" + "".join(f"{one} 1 0 0 0 0 0 0 {camera} {name}\n1.5 2.5 -1\n" for one, camera, name in poses)
+    )
+    given = ("batch", images, "-o", out, "--light=flash", "--cameras", sparse / "cameras.txt", "--masks", masks)
+    outcome = run(*given, "--save", "depth.npy,report")
+    assert outcome.status == 0, outcome.stderr
+    reports = {name: json.loads((out / name / "report.json").read_text(encoding="utf-8")) for name in names}
+    lengths = {name: report["parameters"]["focal_length"] for name, report in reports.items()}
+    assert lengths == {names[0]: [24, 24], names[1]: [24, 24], names[2]: [30, 31]}
+    expected = [(width - 1) / 2, (height - 1) / 2]
+    assert all(report["parameters"]["principal_point"] == expected for report in reports.values())
+    (masks / f"{names[1]}.png").unlink()
+    outcome = run(*given, "--save", "depth.npy", "--dry-run")
+    assert outcome.status == 1
+    assert f"persfs-cl: {names[1]}: " in outcome.stderr
+    assert "has no mask" in outcome.stderr

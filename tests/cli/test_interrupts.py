@@ -121,7 +121,7 @@ def test_interrupt_of_the_pictures_keeps_what_else_was_wanted(
     assert (tmp_path / "out").exists() == bool(kept)
 
 
-@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.usefixtures("ctrl_c", "quick")
 def test_second_interrupt_of_the_writing_leaves_nothing(
     photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,13 +189,13 @@ def test_interrupt_in_a_weak_reference_ends_the_command() -> None:
 @pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-terminal")
 def test_progress_on_a_terminal_and_interrupt_of_a_real_run(tmp_path: Path) -> None:
     # From its one known peak a bump takes thousands of iterations to come to rest.
-    scene = ps.bump((300, 300)).seeded()
+    scene = ps.bump((120, 120)).seeded()
     write_grey(tmp_path / "photo.png", scene.image, 16)
     write_depth(tmp_path / "known.npy", scene.known_depth)
     # A test run in the background of a shell would hand on that Ctrl-C is ignored.
     script = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     command = [sys.executable, "-c", f"{script}from persfs_cl.cli import main; main()"]
-    command += ["reconstruct", "photo.png", "-o", "out", "--focal-length=300"]
+    command += ["reconstruct", "photo.png", "-o", "out", "--focal-length=120"]
     command += ["--known-depth=known.npy", "--surface", scene.surface, "--tolerance=0", "--max-iterations=1000000"]
     ours, theirs = os.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}

@@ -143,6 +143,7 @@ def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
     assert ps.compare(depth, SCENE.depth).mean < 0.05 * np.ptp(SCENE.depth), "depth in its unit, with nothing known"
 
 
+@pytest.mark.usefixtures("quick")
 def test_the_place_of_the_lamp_may_be_an_angle(tmp_path: Path) -> None:
     light = ps.FlashLight(offset=(0.0, -math.tan(math.radians(6)), 0.05))
     scene = ps.hillside((HEIGHT, WIDTH), light=light, focal_length=WIDTH)

@@ -103,10 +103,13 @@ class Browser:
 
     def _read(self) -> dict[str, Any]:
         text = bytearray()
-        while (byte := self.reader.read(1)) != b"\0":
-            if not byte:
+        while not text.endswith(b"\0"):
+            # At least a byte: pictures have a million.
+            there = self.reader.peek()
+            if not there:
                 raise EOFError("the browser has ended")
-            text += byte
+            text += self.reader.read(there.find(b"\0") + 1 or len(there))
+        del text[-1]
         answer: dict[str, Any] = json.loads(text)
         return answer
 

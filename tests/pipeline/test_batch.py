@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import fcntl
 import os
 import shutil
@@ -18,6 +19,7 @@ from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import FOLDER
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.pages import publish
 from persfs_cl.pipeline.plan import Plan
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.surface.saving import Saving
@@ -270,3 +272,24 @@ def test_what_is_no_result_stays(folder: Path, store: FolderStore) -> None:
     with pytest.raises(ps.InputError, match="holds something else"):
         pretend(folder, store)
     assert (store.root / NAMES[1] / "notes.txt").read_text() == "somebody's notes"
+
+
+def rows(store: FolderStore, folder: Path) -> dict[str, str]:
+    """What the page's table says of each photo."""
+    publish(store, list_inputs(folder).inputs, title="in", parameters={})
+    with (store.root / "summary.csv").open(newline="", encoding="utf-8") as file:
+        return {row["name"]: row["status"] for row in csv.DictReader(file)}
+
+
+def test_what_is_neither_given_nor_there_leaves_the_page(folder: Path, store: FolderStore) -> None:
+    pretend(folder, store, bad=NAMES[2:])
+    everything = dict(zip(NAMES, ("done", "done", "failed", "failed"), strict=True))
+    assert rows(store, folder) == everything
+    # Those of other shares are given too.
+    shutil.rmtree(store.root / NAMES[0])
+    assert rows(store, folder) == everything, "it is given, and will be made again"
+    for name in NAMES[:3]:
+        (folder / name).unlink()
+    assert rows(store, folder) == {NAMES[1]: "done", NAMES[3]: "failed"}, "one whose results are there stays"
+    page = (store.root / "index.html").read_text(encoding="utf-8")
+    assert [name in page for name in NAMES] == [False, True, False, True]

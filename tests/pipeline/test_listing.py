@@ -224,6 +224,21 @@ def test_results_never_lie_where_photos_are(here: Path) -> None:
     ]
 
 
+def test_frames_without_a_video_are_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.png").touch()
+    (tmp_path / "clip.mp4").touch()
+    monkeypatch.setattr(video, "count_frames", lambda _path: 3)
+    for given in (tmp_path, tmp_path / "a.png"):
+        with pytest.raises(InputError, match="frames=':2' chooses frames of videos, and none is given"):
+            list_inputs(given, frames=":2")
+    assert len(list_inputs([tmp_path, tmp_path / "clip.mp4"], frames=":2").inputs) == 3
+    # What is wrong with the only path comes first, and a video that cannot be read is one.
+    assert "does not exist" in why(list_inputs(tmp_path / "gone", frames=":2"))[0][1]
+    (tmp_path / "torn.mp4").touch()
+    monkeypatch.undo()
+    assert "torn.mp4" in why(list_inputs([tmp_path, tmp_path / "torn.mp4"], frames=":2"))[0][0]
+
+
 def test_frames_of_videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make(tmp_path, "s/clip.mp4", "s/bad.MOV", "s/a.png", "t/clip.mp4")
 

@@ -33,7 +33,7 @@ def peaks() -> dict[int, int]:
 
 @pytest.mark.parametrize(
     ("tiny", "side", "memory"),
-    [(100, 1000, 100 * 2**20), pytest.param(1000, 3000, 2**28, marks=pytest.mark.thorough)],
+    [(40, 700, 100 * 2**20), pytest.param(1000, 3000, 2**28, marks=pytest.mark.thorough)],
 )
 def test_many_small_photos_and_a_large_one_stay_within_what_is_said(
     tiny: int, side: int, memory: int, tmp_path: Path

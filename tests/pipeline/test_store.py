@@ -14,6 +14,7 @@ from fsspec.implementations.local import LocalFileSystem
 from fsspec.implementations.memory import MemoryFileSystem
 
 import persfs_cl as ps
+from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import Record, now
 from persfs_cl.pipeline.pages import publish
 from persfs_cl.pipeline.store import RECORD, FolderStore, RemoteStore, store_for
@@ -112,7 +113,7 @@ def test_going_on_does_what_is_missing(store: RemoteStore, tmp_path: Path) -> No
     system.rm(f"{root}/{names[2]}", recursive=True)
     system.pipe_file(f"{root}/{names[1]}/{RECORD}", b'{"name": "torn')
     assert pretend(tmp_path / "in", store)[0] == [names[2]]
-    written = publish(store, title="in", parameters={})
+    written = publish(store, list_inputs(tmp_path / "in").inputs, title="in", parameters={})
     assert files(store, "index.html") == {"index.html"}
     assert {"index.html", "summary.csv"} <= set(written)
 

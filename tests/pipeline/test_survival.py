@@ -170,7 +170,7 @@ def sabotage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("way", ["break", pytest.param("kill", marks=pytest.mark.thorough)])
 def test_a_device_that_fails_midway_leaves_its_photos_to_the_other(way: str, tmp_path: Path, sabotage: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
-    names = photos(folder, 40)
+    names = photos(folder, 24)
     status, printed, said = finished(TWO, folder, out, SABOTAGE_WAY=way, SABOTAGE_OUT=str(out))
     assert status == 0, said
     assert sorted(line.rstrip() for line in printed.splitlines()) == names

@@ -8,7 +8,7 @@ from typing import ClassVar
 import pyopencl as cl
 
 from persfs_cl._cl.layout import Layout
-from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
 from persfs_cl._cl.run import Run
 
 
@@ -35,6 +35,7 @@ class Checkerboard(Ordering):
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """Two launches; the direction is of no consequence."""
         layout = run.layout
-        size = (1 if self.lanes > 1 else layout.stride // 2, layout.rows - 2, run.images)
-        event, _ = [run.launch(size, colour=(layout.parity + half) % 2) for half in range(2)]
+        items = 1 if self.lanes > 1 else layout.stride // 2
+        size, group = in_row_groups(run.device, items, layout.rows - 2, run.images)
+        event, _ = [run.launch(size, group, colour=(layout.parity + half) % 2) for half in range(2)]
         return event

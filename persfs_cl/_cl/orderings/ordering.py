@@ -19,8 +19,19 @@ from persfs_cl.errors import KernelBuildError
 ALL_ITERATIONS = 2**31 - 1
 """Of :meth:`Ordering.iterations_a_launch`: as many as are queued."""
 WORK_GROUP_OF_ONE = (1,)
+_ROW_GROUP = 64
+"""Neighbouring cells of a row that a work-group takes, where each work-item takes its own."""
 
 Self = TypeVar("Self", bound="Ordering")
+
+
+def in_row_groups(device: Device, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Size of a launch of at least so many items along rows, and of its work-groups.
+
+    That is one for images of all sizes: drivers for processors compile a kernel anew for each size of a group.
+    """
+    group = min(_ROW_GROUP, device.largest_group) if items > 1 else 1
+    return (-(-items // group) * group, *others), (group, *(1 for _ in others))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pyopencl as cl
 
-from persfs_cl._cl.orderings.ordering import Ordering
+from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
 from persfs_cl._cl.run import Run
 
 
@@ -27,6 +27,6 @@ class ThreeColours(Ordering):
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """Three launches; the direction is of no consequence."""
-        size = (run.layout.width, run.layout.height, run.images)
-        event, *_ = [run.launch(size, colour=colour) for colour in range(3)]
+        size, group = in_row_groups(run.device, run.layout.width, run.layout.height, run.images)
+        event, *_ = [run.launch(size, group, colour=colour) for colour in range(3)]
         return event

@@ -1,0 +1,78 @@
+"""What is said of many photos, each reason once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+_SHOWN = 100
+"""Photos that are named, and reasons that are told, at most: the page and the table of the results have all."""
+_BEFORE = 3
+"""Photos that are named before their reason."""
+
+
+@dataclass
+class _Group:
+    """Photos of which the same is said; `text` is what is said of the first."""
+
+    text: str
+    count: int = 0
+    names: list[str] = field(default_factory=list)
+
+
+class Alike:
+    """Photos by what is said of them, in the order in which it was first said.
+
+    Of two photos the same is said when the sentences differ in nothing but the photo's own file and name.
+
+    Parameters
+    ----------
+    every_name : bool
+        Name all photos, up to a hundred, and not the first three of a reason alone.
+    """
+
+    def __init__(self, *, every_name: bool) -> None:
+        self._every_name = every_name
+        self._groups: dict[str, _Group] = {}
+        self._named = 0
+        self._untold = 0
+
+    def add(self, name: str, path: Path, text: str) -> None:
+        """Take what is said of a photo, in a line."""
+        key = text.replace(str(path), "\0").replace(name, "\0")
+        group = self._groups.get(key)
+        if group is None:
+            if len(self._groups) == _SHOWN or self._named == _SHOWN:
+                self._untold += 1
+                return
+            group = self._groups[key] = _Group(text)
+        group.count += 1
+        if len(group.names) < (_SHOWN if self._every_name else _BEFORE) and self._named < _SHOWN:
+            group.names.append(name)
+            self._named += 1
+
+    def groups(self) -> Iterator[tuple[int, list[str], str]]:
+        """How many photos, the names of some, and what is said of the first of them."""
+        for group in self._groups.values():
+            yield group.count, group.names, group.text
+
+    def lines(self, of: str = "") -> Iterator[str]:
+        """All of it, for standard error; `of` comes before the reason.
+
+        The reason is on the line of the first photos. Those that follow refer to it.
+        """
+        for count, names, text in self.groups():
+            if count == 1:
+                yield f"persfs-cl: {names[0]}: {of}{text}"
+                continue
+            others = " and others" if count > len(names[:_BEFORE]) else ""
+            yield f"persfs-cl: {count} photos, {', '.join(names[:_BEFORE])}{others}: {of}{text}"
+            for name in names[_BEFORE:]:
+                yield f"persfs-cl: {name}: the same as {names[0]}."
+
+    @property
+    def more(self) -> int:
+        """Photos whose reason is not told, and those without a name where each should have one."""
+        unnamed = sum(group.count - len(group.names) for group in self._groups.values())
+        return self._untold + (unnamed if self._every_name else 0)
