@@ -20,6 +20,9 @@ NONE = -1
 """Index that stands for "does not look along this axis" in :attr:`persfs_cl.solver.domain.Boundary.inwards`."""
 
 
+Steps = NDArray[np.int32]
+
+
 @dataclass(frozen=True)
 class Neighbours:
     """For every pixel, whether its neighbour on each side satisfies a predicate; nothing outside does."""
@@ -111,7 +114,21 @@ def _groups(count: int, one: NDArray[np.intp], other: NDArray[np.intp]) -> NDArr
     return groups
 
 
-def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:
+def straight_steps_from(seeds: Mask) -> Steps:
+    """Fewest steps along rows and columns from a seed to each pixel, whatever lies between."""
+    height, width = seeds.shape
+    steps = np.where(seeds, np.int32(0), np.int32(height + width))
+    for lines in (steps, steps[::-1]):
+        for line, before in zip(lines[1:], lines[:-1], strict=True):
+            np.minimum(line, before + np.int32(1), out=line)
+    columns = np.arange(width, dtype=np.int32)
+    for rows in row_blocks(seeds.shape):
+        for part in (steps[rows], steps[rows, ::-1]):
+            part[:] = np.minimum.accumulate(part - columns, axis=1) + columns
+    return steps
+
+
+def steps_from(seeds: Mask, passable: Mask) -> Steps:
     """Fewest steps along rows and columns from a seed to each pixel through passable ones; -1 where there is no way."""
     padded = np.pad(passable, 1)
     width = padded.shape[1]

@@ -30,9 +30,10 @@ from persfs_cl.pipeline.room import Room, bytes_for
 from persfs_cl.pipeline.store import Shelf
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
+from persfs_cl.solver.pieces import pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes import scheme_for
-from persfs_cl.solver.solve import pieces, solve
+from persfs_cl.solver.solve import solve
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import Heard, hearing

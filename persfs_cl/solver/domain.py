@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Mask
 from persfs_cl.errors import InputError
 from persfs_cl.masks import NONE, SWEPT, Neighbours, connected, missing_neighbours
+from persfs_cl.solver.window import Window
 from persfs_cl.wording import keyword
+
+_RENEWED = ("outflow", "extrapolate")
+"""Boundaries whose cells are renewed from inside."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +60,29 @@ class Domain:
     flags: NDArray[np.uint8]
     boundary: Boundary
 
+    def cut(self, window: Window) -> Domain:
+        """The same in a window with all that is solved, and what is known within two pixels of it."""
+        boundary = self.boundary
+        return Domain(
+            known=window.cut(self.known),
+            solved=window.cut(self.solved),
+            unreached=window.cut(self.unreached),
+            flags=window.cut(self.flags),
+            boundary=replace(
+                boundary, cells=window.pixels(boundary.cells), inwards=window.pixels(boundary.inwards)
+            ),
+        )
 
-def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, needs_known: bool = True) -> Domain:
+
+def lay_out(
+    wanted: Mask,
+    known: Mask,
+    walls: Mask | None,
+    boundary: str,
+    *,
+    needs_known: bool = True,
+    window: Window | None = None,
+) -> Domain:
     """Classify the pixels of a problem.
 
     Parameters
@@ -71,6 +96,13 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
     boundary : {"outflow", "extrapolate", "fixed", "wall"}
     needs_known : bool
         False where the image alone determines the depth: then all pixels are solved.
+    window : Window, optional
+        The part that is wanted, with all pixels to solve and what lies within two pixels of them; all by default.
+
+    Returns
+    -------
+    Domain
+        Of the window.
 
     Raises
     ------
@@ -91,11 +123,23 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
             f"No depth is known: give {keyword('known_depth')} at least one finite value that is not behind a wall.",
             argument="known_depth",
         )
+    if window is None:
+        window = Window.whole((wanted.shape[0], wanted.shape[1]))
+    counts = int(np.count_nonzero(known)), int(np.count_nonzero(unknown))
+    known_inside = window.cut(known)
+    if boundary in _RENEWED and np.count_nonzero(known_inside) < counts[0]:
+        # A chain of known pixels may leave the window and come back.
+        return _laid_out(unknown, known, boundary, counts, needs_known=needs_known).cut(window)
+    return _laid_out(window.cut(unknown), known_inside, boundary, counts, needs_known=needs_known)
+
+
+def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int], *, needs_known: bool) -> Domain:
+    """Classify pixels without walls; `counts` are the known and the unknown ones of the image."""
     reached = unknown & connected(known, unknown | known) if needs_known else unknown
     if not reached.any():
         raise InputError(
-            f"None of the {int(known.sum())} known depths can reach the {int(unknown.sum())} pixels to solve: "
-            "give a known depth inside the mask or next to it."
+            f"None of the {counts[0]} known depths can reach the {counts[1]} pixels to solve: give a known depth "
+            "inside the mask or next to it."
         )
     present = reached | known
     flags = missing_neighbours(present)
@@ -110,7 +154,7 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
             )
     renewed = (
         _boundary(reached, known, present)
-        if boundary in ("outflow", "extrapolate")
+        if boundary in _RENEWED
         else Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
     )
     np.bitwise_or(flags, SWEPT, out=flags, where=reached)
