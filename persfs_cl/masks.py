@@ -60,6 +60,10 @@ def rim(pixels: Mask) -> Mask:
 def missing_neighbours(present: Mask) -> NDArray[np.uint8]:
     """Flags NO_LEFT, NO_RIGHT, NO_UP and NO_DOWN of every pixel."""
     flags = np.zeros(present.shape, np.uint8)
+    if present.all():
+        for line, bit in ((flags[:, :1], NO_LEFT), (flags[:, -1:], NO_RIGHT), (flags[:1], NO_UP), (flags[-1:], NO_DOWN)):
+            line |= np.uint8(bit)
+        return flags
     for rows in row_blocks(present.shape):
         beside = Neighbours.of(present, rows)
         sides = ((NO_LEFT, beside.left), (NO_RIGHT, beside.right), (NO_UP, beside.up), (NO_DOWN, beside.down))

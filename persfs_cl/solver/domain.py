@@ -37,6 +37,9 @@ class Boundary:
     corners: int
 
 
+_NO_CELLS = Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
+
+
 @dataclass(frozen=True)
 class Domain:
     """The geometry of one problem.
@@ -153,9 +156,9 @@ def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int]
                 f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
     renewed = (
-        _boundary(reached, known, present)
+        _boundary(reached, known, present, reached & (flags != 0))
         if boundary in _RENEWED
-        else Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
+        else _NO_CELLS
     )
     np.bitwise_or(flags, SWEPT, out=flags, where=reached)
     flags.ravel()[renewed.cells] ^= SWEPT
@@ -168,19 +171,20 @@ def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int]
     )
 
 
-def _boundary(reached: Mask, known: Mask, present: Mask) -> Boundary:
-    """Choose the cells that eq. (12) renews.
+def _boundary(reached: Mask, known: Mask, present: Mask, on_rim: Mask) -> Boundary:
+    """Choose the cells that eq. (12) renews, of those on the rim.
 
     A rim cell looks inwards along each axis on which just one neighbour is missing. Cells that no chain of looks
     joins to a swept cell (strips of one or two pixels) are swept like all others, and so are those next to known values
     that no inner cell would hear: a known corner of the image, say.
     """
+    if not on_rim.any():
+        return _NO_CELLS
     height, width = reached.shape
     beside = Neighbours.of(present)
-    on_rim = reached & ~beside.all
     heard = connected(known & Neighbours.of(reached & ~on_rim).any, known)
-    rows, columns = np.nonzero(on_rim & ~Neighbours.of(known & ~heard).any)
-    index = rows * width + columns
+    index = np.flatnonzero(on_rim & ~Neighbours.of(known & ~heard).any)
+    rows, columns = np.divmod(index, width)
 
     looks = []
     for before, after, line, length, stride in (

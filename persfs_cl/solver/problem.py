@@ -129,17 +129,22 @@ class Problem(Given):
 
     def _forget_unreached(self, values: Array) -> None:
         """Make those NaN that lie higher than a known value can have brought them."""
-        known, solved = self.domain.known, self.domain.solved
+        known, present = self.domain.known, self.domain.known | self.domain.solved
+        # No way is shorter than that through whatever lies between, which is found much sooner.
+        unreached = self._beyond(values, masks.straight_steps_from(known))
+        if unreached.any() and not present.all():
+            unreached = self._beyond(values, masks.steps_from(known, present))
+        values[unreached] = np.nan
 
-        def beyond(steps: masks.Steps) -> Mask:
-            step = self.max_slope * max(self.grid.dx, self.grid.dy)
-            return solved & (values > (self.highest_known + step * steps) * (1.0 + 1e-5) + 1e-6)
-
-        # No way is shorter than that through whatever lies between, which is much sooner found.
-        unreached = beyond(masks.straight_steps_from(known))
-        if unreached.any():
-            unreached = beyond(masks.steps_from(known, known | solved))
-            values[unreached] = np.nan
+    def _beyond(self, values: Array, steps: masks.Steps) -> Mask:
+        """Which of the pixels to solve are higher than so many steps can climb from a known value."""
+        step = self.max_slope * max(self.grid.dx, self.grid.dy)
+        found = np.empty(values.shape, bool)
+        for rows in row_blocks(values.shape):
+            bound = (self.highest_known + step * steps[rows]) * (1.0 + 1e-5) + 1e-6
+            np.greater(values[rows], bound, out=found[rows])
+            found[rows] &= self.domain.solved[rows]
+        return found
 
     def continue_onto_walls(self, log_depth: Array, depth: Array) -> Discontinuities | None:
         """Give walls a log depth and a depth, in place, and say where they cut the surface; None without walls."""
