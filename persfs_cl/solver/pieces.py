@@ -93,9 +93,10 @@ def solve_in_pieces(
     UserWarning
         As :func:`persfs_cl.solver.solve.solve`.
     """
-    if len(numbers) == 1:
-        (members,) = numbers
-        yield from zip(members, solve(device, [ready(n) for n in members], options, watch, members), strict=True)
+    if len(numbers) < 2:
+        for members in numbers:
+            problems = [ready(number) for number in members]
+            yield from zip(members, solve(device, problems, options, watch, members), strict=True)
         return
 
     def made_ready(members: Sequence[int]) -> list[Problem]:
