@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ NONE = -1
 """Index that stands for "does not look along this axis" in :attr:`persfs_cl.solver.domain.Boundary.inwards`."""
 
 
-Steps = NDArray[np.int32]
+Steps = NDArray[np.int16] | NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ def missing_neighbours(present: Mask) -> NDArray[np.uint8]:
     """Flags NO_LEFT, NO_RIGHT, NO_UP and NO_DOWN of every pixel."""
     flags = np.zeros(present.shape, np.uint8)
     if present.all():
-        for line, bit in ((flags[:, :1], NO_LEFT), (flags[:, -1:], NO_RIGHT), (flags[:1], NO_UP), (flags[-1:], NO_DOWN)):
-            line |= np.uint8(bit)
+        for bit, edge in ((NO_LEFT, np.s_[:, 0]), (NO_RIGHT, np.s_[:, -1]), (NO_UP, np.s_[0]), (NO_DOWN, np.s_[-1])):
+            flags[edge] |= np.uint8(bit)
         return flags
     for rows in row_blocks(present.shape):
         beside = Neighbours.of(present, rows)
@@ -121,18 +122,25 @@ def _groups(count: int, one: NDArray[np.intp], other: NDArray[np.intp]) -> NDArr
 def straight_steps_from(seeds: Mask) -> Steps:
     """Fewest steps along rows and columns from a seed to each pixel, whatever lies between."""
     height, width = seeds.shape
-    steps = np.where(seeds, np.int32(0), np.int32(height + width))
+    farthest = height + width
+    kind = np.dtype(np.int16 if farthest <= np.iinfo(np.int16).max else np.int32)
+    steps = np.full(seeds.shape, farthest, kind)
+    steps[seeds] = 0
+    following = np.empty(width, kind)
     for lines in (steps, steps[::-1]):
-        for line, before in zip(lines[1:], lines[:-1], strict=True):
-            np.minimum(line, before + np.int32(1), out=line)
-    columns = np.arange(width, dtype=np.int32)
+        for before, line in pairwise(lines):
+            np.add(before, 1, out=following)
+            np.minimum(line, following, out=line)
+    columns = np.arange(width, dtype=kind)
     for rows in row_blocks(seeds.shape):
         for part in (steps[rows], steps[rows, ::-1]):
-            part[:] = np.minimum.accumulate(part - columns, axis=1) + columns
+            np.subtract(part, columns, out=part)
+            np.minimum.accumulate(part, axis=1, out=part)
+            np.add(part, columns, out=part)
     return steps
 
 
-def steps_from(seeds: Mask, passable: Mask) -> Steps:
+def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:
     """Fewest steps along rows and columns from a seed to each pixel through passable ones; -1 where there is no way."""
     padded = np.pad(passable, 1)
     width = padded.shape[1]

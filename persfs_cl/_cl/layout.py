@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.masks import NONE
 
 ALIGNMENT = 64
@@ -94,12 +95,22 @@ class Layout:
         stored[:, : self.first_row] = fill
         for image, (height, width), lines in zip(images, shapes, stored[:, self.first_row :], strict=True):
             lines[height:] = fill
-            for rows in row_blocks((height, width)):
-                block = image(rows)
-                lines[rows] = fill
-                for part, columns in self._parts(lines[rows], width):
-                    part[:] = block[:, columns]
+            in_row_blocks(partial(self._store, image, lines, width, fill), (height, width))
         return stored
+
+    def _store(
+        self,
+        image: Callable[[slice], NDArray[Any]],
+        lines: NDArray[Any],
+        width: int,
+        fill: float,
+        rows: slice,
+    ) -> None:
+        """Some rows of an image."""
+        block = image(rows)
+        lines[rows] = fill
+        for part, columns in self._parts(lines[rows], width):
+            part[:] = block[:, columns]
 
     def take(self, stored: NDArray[Any], image: NDArray[Any]) -> None:
         """Copy what `store` has stored into an image."""

@@ -259,7 +259,7 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
     """
     inputs = ready.inputs
     with _naming(inputs.job.title):
-        return Problem.of(check(ready.image, inputs.camera, **ready.maps, options=options))
+        return Problem.of(check(ready.image, inputs.camera, **ready.maps, options=options, whole=False))
 
 
 def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:

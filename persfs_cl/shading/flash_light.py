@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import FARTHEST, NEAREST, as_flag, as_number, as_numbers
 from persfs_cl.errors import InputError
@@ -331,7 +331,8 @@ class FlashModel(_LampModel):
         """
         darkest = _BLACK * largest(image, solved)
         shading, first = np.empty(image.shape), np.empty(image.shape)
-        for rows in row_blocks(shading.shape):
+
+        def begin(rows: slice) -> None:
             x, y, block = grid.x, grid.y[rows], shading[rows]
             np.maximum(image[rows], darkest, out=block)
             if not (inside := solved[rows]).all():
@@ -340,13 +341,18 @@ class FlashModel(_LampModel):
             block /= self.light.gain
             self._to_unit_distance(block, x, y)
             first[rows] = self._log_depth_facing(self.reflectance.brightest / block, x, y)
+
+        in_row_blocks(begin, image.shape)
         everything = bool(solved.all())
-        level = float(np.median(first.ravel() if everything else first[solved], overwrite_input=not everything))
-        for rows in row_blocks(shading.shape):
+        level = float(np.median(first if everything else first[solved], overwrite_input=not everything))
+
+        def level_out(rows: slice) -> None:
             shading[rows] *= np.exp(2.0 * level)
             first[rows] -= level
             if not everything:
                 np.copyto(first[rows], -level, where=~solved[rows])
+
+        in_row_blocks(level_out, image.shape)
         return shading, first, level
 
     def _to_unit_distance(self, shading: Array, x: Array, y: Array) -> None:

@@ -71,9 +71,7 @@ class Domain:
             solved=window.cut(self.solved),
             unreached=window.cut(self.unreached),
             flags=window.cut(self.flags),
-            boundary=replace(
-                boundary, cells=window.pixels(boundary.cells), inwards=window.pixels(boundary.inwards)
-            ),
+            boundary=replace(boundary, cells=window.pixels(boundary.cells), inwards=window.pixels(boundary.inwards)),
         )
 
 
@@ -155,11 +153,7 @@ def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int]
                 f"needs a known depth on every edge pixel of the image and mask, but {open_rim} have none: add them to "
                 f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
-    renewed = (
-        _boundary(reached, known, present, reached & (flags != 0))
-        if boundary in _RENEWED
-        else _NO_CELLS
-    )
+    renewed = _boundary(reached, known, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
     np.bitwise_or(flags, SWEPT, out=flags, where=reached)
     flags.ravel()[renewed.cells] ^= SWEPT
     return Domain(

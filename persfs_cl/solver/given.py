@@ -125,7 +125,7 @@ def check(
     albedo: ArrayLike | None = None,
     *,
     options: Options,
-    whole: bool = False,
+    whole: bool,
 ) -> Given:
     """Check an image and its maps; see :func:`persfs_cl.reconstruct` for the parameters.
 
@@ -231,8 +231,7 @@ def check(
 
 
 def _copied(image: NDArray[np.floating]) -> tuple[Array, bool]:
-    """A copy, so that the solution stays what it is whatever becomes of the user's array; and if all may be brightness.
-    """
+    """A copy, so that the solution stays what it is whatever becomes of the array, and if all of it may be brightness."""
     copy = np.empty(image.shape)
     usual = True
     # Longer types hold numbers that become infinite.
@@ -250,10 +249,9 @@ def _window(wanted: Mask, known: Mask, model: Model, *, assumed: bool, walled: b
     The outline of the mask is looked at where they are assumed. Walls, and the image that is corrected by what was
     found, have to do with all that has a depth.
     """
+    needed = wanted if assumed else wanted & ~known
     if walled or model.in_rounds:
         needed = wanted | known
-    else:
-        needed = wanted if assumed else wanted & ~known
     if not needed.any():
         return Window.whole((wanted.shape[0], wanted.shape[1]))
     margins = (_MARGIN, _MARGIN_OF_WALLS if walled else 0, _MARGIN_IN_ROUNDS if model.in_rounds else 0)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from persfs_cl import masks
 from persfs_cl._cl.image import Image
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.solver.given import Given, check
@@ -110,7 +110,8 @@ class Problem(Given):
         if not converged and np.isfinite(self.highest_known):
             self._forget_unreached(values)
         log_depth, depth = values, np.empty_like(values)
-        for rows in row_blocks(depth.shape):
+
+        def convert(rows: slice) -> None:
             block, here = log_depth[rows], known[rows]
             block += self.level
             block *= self.sign
@@ -118,13 +119,13 @@ class Problem(Given):
             # Both are NaN where one value is.
             lowest, highest = block.min(), block.max()
             if not (lowest >= _NEAREST_LOG and highest <= _FARTHEST_LOG and solved[rows].all()):
-                np.copyto(
-                    block, np.nan, where=~(solved[rows] & (block >= _NEAREST_LOG) & (block <= _FARTHEST_LOG))
-                )
+                np.copyto(block, np.nan, where=~(solved[rows] & (block >= _NEAREST_LOG) & (block <= _FARTHEST_LOG)))
             np.exp(block, out=depth[rows])
             if here.any():
                 np.log(self.known_depth[rows], out=block, where=here)
                 np.copyto(depth[rows], self.known_depth[rows], where=here)
+
+        in_row_blocks(convert, depth.shape)
         return log_depth, depth
 
     def _forget_unreached(self, values: Array) -> None:
@@ -140,10 +141,13 @@ class Problem(Given):
         """Which of the pixels to solve are higher than so many steps can climb from a known value."""
         step = self.max_slope * max(self.grid.dx, self.grid.dy)
         found = np.empty(values.shape, bool)
-        for rows in row_blocks(values.shape):
+
+        def compare(rows: slice) -> None:
             bound = (self.highest_known + step * steps[rows]) * (1.0 + 1e-5) + 1e-6
             np.greater(values[rows], bound, out=found[rows])
             found[rows] &= self.domain.solved[rows]
+
+        in_row_blocks(compare, values.shape)
         return found
 
     def continue_onto_walls(self, log_depth: Array, depth: Array) -> Discontinuities | None:

@@ -219,7 +219,7 @@ def reconstruct_batch(
         began = time.perf_counter()
         with _naming(number, count), concerning(number):
             own = {name: entries[number] for name, entries in lists.items()}
-            found[number] = check(image, **own, options=settings)
+            found[number] = check(image, **own, options=settings, whole=False)
         seconds.append(time.perf_counter() - began + chosen / count)
 
     def ready(number: int) -> Problem:

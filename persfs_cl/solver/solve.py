@@ -106,16 +106,14 @@ def finish(device: Device, attempted: Attempt, options: Options) -> list[Finishe
     problems, run = attempted.problems, attempted.run
     surfaces = attempted.surfaces or run.surfaces(problems)
     found = []
-    for place, (problem, surface) in enumerate(zip(problems, surfaces, strict=True)):
-        remarks = [_too_near(problem, surface[1])]
-        if run.statuses[place] is Status.CONVERGED:
-            remarks.append(_lost(problem, surface[1]))
-        found.append((_Whole.of(problem, surface), tuple(filter(None, remarks))))
+    for problem, surface, status in zip(problems, surfaces, run.statuses, strict=True):
+        remarks = (_too_near(problem, surface[1]), _lost(problem, surface[1]) if status is Status.CONVERGED else None)
+        found.append((_Whole.of(problem, surface), tuple(remark for remark in remarks if remark)))
     share = 1.0 / len(problems)
     total = attempted.seconds + time.perf_counter() - began
     elapsed = Elapsed(share * total, share * run.kernel_seconds, share * run.build_seconds)
     solutions = []
-    for place, (problem, (whole, remarks)) in enumerate(zip(problems, found, strict=True)):
+    for place, (problem, (whole, said)) in enumerate(zip(problems, found, strict=True)):
         solution = Solution(
             depth=whole.depth,
             log_depth=whole.log_depth,
@@ -140,7 +138,7 @@ def finish(device: Device, attempted: Attempt, options: Options) -> list[Finishe
             walls=whole.walls,
             discontinuities=whole.discontinuities,
         )
-        solutions.append(Finished(solution, remarks))
+        solutions.append(Finished(solution, said))
     return solutions
 
 

@@ -54,7 +54,8 @@ class Window:
     def around(cls, pixels: Mask, margin: int) -> Window:
         """Those of some pixels, of which there is one at least, and so many next to them; all where few are others."""
         height, width = pixels.shape
-        found = cls((height, width), _stretches(pixels.any(axis=1), margin), _stretches(pixels.any(axis=0), margin))
+        rows, columns = (_stretches(np.asarray(pixels.any(axis=axis)), margin) for axis in (1, 0))
+        found = cls((height, width), rows, columns)
         cells = found.shape[0] * found.shape[1]
         return found if cells <= _WORTH_IT * pixels.size else cls.whole((height, width))
 

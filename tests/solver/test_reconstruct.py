@@ -18,7 +18,7 @@ from persfs_cl.io.export import write_grey
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver import reconstruct as reconstruct_room
 from persfs_cl.solver.given import Given, check
-from persfs_cl.solver.problem import Problem, prepare
+from persfs_cl.solver.problem import Problem
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
 
