@@ -6,9 +6,14 @@ hands out afresh, and several ways to it and back.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 _PIXELS = 2**16
+
+_LEAST_BLOCKS = 4
+"""Of a thread: for less it is not worth its start."""
 
 
 def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
@@ -17,3 +22,27 @@ def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
     step = max(1, _PIXELS // width)
     for begin in range(0, height, step):
         yield slice(begin, min(begin + step, height))
+
+
+def in_row_blocks(work: Callable[[slice], None], shape: tuple[int, ...]) -> None:
+    """Do some work for all rows of an image, some at a time, by as many threads as are worth it.
+
+    For work that is NumPy's for the most part, which lets other threads go on. Threads neither warn nor have what
+    `numpy.errstate` says around the call.
+    """
+    blocks = list(row_blocks(shape))
+    threads = min(usable_cores(), len(blocks) // _LEAST_BLOCKS)
+    if threads < 2:
+        for rows in blocks:
+            work(rows)
+        return
+    # None is kept: threads do not outlive a fork.
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in pool.map(work, blocks):
+            pass
+
+
+def usable_cores() -> int:
+    """Cores of the processor that this process may run on."""
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
+    return len(affinity(0)) if affinity else os.cpu_count() or 1

@@ -10,7 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from persfs_cl._cl.device import Device, usable_cores
+from persfs_cl._cl.device import Device
+from persfs_cl.blocks import usable_cores
 
 _PACKAGES = (
     "persfs-cl",

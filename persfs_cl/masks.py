@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ NOWHERE = 1e30
 
 NONE = -1
 """Index that stands for "does not look along this axis" in :attr:`persfs_cl.solver.domain.Boundary.inwards`."""
+
+
+Steps = NDArray[np.int16] | NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,10 @@ def rim(pixels: Mask) -> Mask:
 def missing_neighbours(present: Mask) -> NDArray[np.uint8]:
     """Flags NO_LEFT, NO_RIGHT, NO_UP and NO_DOWN of every pixel."""
     flags = np.zeros(present.shape, np.uint8)
+    if present.all():
+        for bit, edge in ((NO_LEFT, np.s_[:, 0]), (NO_RIGHT, np.s_[:, -1]), (NO_UP, np.s_[0]), (NO_DOWN, np.s_[-1])):
+            flags[edge] |= np.uint8(bit)
+        return flags
     for rows in row_blocks(present.shape):
         beside = Neighbours.of(present, rows)
         sides = ((NO_LEFT, beside.left), (NO_RIGHT, beside.right), (NO_UP, beside.up), (NO_DOWN, beside.down))
@@ -109,6 +117,27 @@ def _groups(count: int, one: NDArray[np.intp], other: NDArray[np.intp]) -> NDArr
         while (groups[groups] != groups).any():
             groups = groups[groups]
     return groups
+
+
+def straight_steps_from(seeds: Mask) -> Steps:
+    """Fewest steps along rows and columns from a seed to each pixel, whatever lies between."""
+    height, width = seeds.shape
+    farthest = height + width
+    kind = np.dtype(np.int16 if farthest <= np.iinfo(np.int16).max else np.int32)
+    steps = np.full(seeds.shape, farthest, kind)
+    steps[seeds] = 0
+    following = np.empty(width, kind)
+    for lines in (steps, steps[::-1]):
+        for before, line in pairwise(lines):
+            np.add(before, 1, out=following)
+            np.minimum(line, following, out=line)
+    columns = np.arange(width, dtype=kind)
+    for rows in row_blocks(seeds.shape):
+        for part in (steps[rows], steps[rows, ::-1]):
+            np.subtract(part, columns, out=part)
+            np.minimum.accumulate(part, axis=1, out=part)
+            np.add(part, columns, out=part)
+    return steps
 
 
 def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:

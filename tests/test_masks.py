@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from persfs_cl.arrays import Mask
-from persfs_cl.masks import connected, missing_neighbours, rim, steps_from
+from persfs_cl.masks import connected, missing_neighbours, rim, steps_from, straight_steps_from
 
 
 def flood_by_steps(seeds: Mask, passable: Mask) -> Mask:
@@ -56,3 +57,10 @@ def test_steps_from_counts_the_shortest_way() -> None:
     seeds = np.zeros((3, 3), bool)
     seeds[0, 0] = True
     assert steps_from(seeds, passable).tolist() == [[0, 1, 2], [-1, -1, 3], [6, 5, 4]]
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1), (7, 12)])
+def test_straight_steps_from_go_through_everything(shape: tuple[int, int]) -> None:
+    seeds = np.random.default_rng(sum(shape)).uniform(size=shape) > 0.8
+    seeds.ravel()[3] = True
+    np.testing.assert_array_equal(straight_steps_from(seeds), steps_from(seeds, np.ones(shape, bool)))

@@ -307,9 +307,3 @@ def devices() -> list[Device]:
     _claim_process()
     with _finding:  # a cache alone lets two threads make two objects of one device
         return list(_all_devices())
-
-
-def usable_cores() -> int:
-    """Cores of the processor that this process may run on."""
-    affinity = getattr(os, "sched_getaffinity", None)  # Linux only
-    return len(affinity(0)) if affinity else os.cpu_count() or 1

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.masks import NONE
 
 ALIGNMENT = 64
@@ -30,6 +31,7 @@ class Layout:
     Attributes
     ----------
     height, width : int
+        Of the largest image.
     rows, stride : int
         Stored rows and columns.
     first_row, first_column : int
@@ -79,48 +81,67 @@ class Layout:
         return columns % 2 * (self.stride // 2) + columns // 2 if self.apart else columns
 
     def store(
-        self, images: Sequence[Callable[[slice], NDArray[Any]]], fill: float, kind: np.dtype[Any]
+        self,
+        images: Sequence[Callable[[slice], NDArray[Any]]],
+        fill: float,
+        kind: np.dtype[Any],
+        shapes: Sequence[tuple[int, ...]],
     ) -> NDArray[Any]:
-        """The stored arrays of images given by blocks of their rows, `fill` in the padding."""
+        """The stored arrays of images given by blocks of their rows, `fill` in the padding.
+
+        Images of fewer rows or columns have more padding after them.
+        """
         stored = aligned(len(images) * self.size * kind.itemsize).view(kind).reshape(-1, self.rows, self.stride)
-        after = self.first_row + self.height
-        stored[:, : self.first_row] = stored[:, after:] = fill
-        for image, lines in zip(images, stored[:, self.first_row : after], strict=True):
-            for rows in row_blocks((self.height, self.width)):
-                block = image(rows)
-                lines[rows] = fill
-                for part, columns in self._parts(lines[rows]):
-                    part[:] = block[:, columns]
+        stored[:, : self.first_row] = fill
+        for image, (height, width), lines in zip(images, shapes, stored[:, self.first_row :], strict=True):
+            lines[height:] = fill
+            in_row_blocks(partial(self._store, image, lines, width, fill), (height, width))
         return stored
+
+    def _store(
+        self,
+        image: Callable[[slice], NDArray[Any]],
+        lines: NDArray[Any],
+        width: int,
+        fill: float,
+        rows: slice,
+    ) -> None:
+        """Some rows of an image."""
+        block = image(rows)
+        lines[rows] = fill
+        for part, columns in self._parts(lines[rows], width):
+            part[:] = block[:, columns]
 
     def take(self, stored: NDArray[Any], image: NDArray[Any]) -> None:
         """Copy what `store` has stored into an image."""
-        lines = stored[self.first_row : self.first_row + self.height]
-        for part, columns in self._parts(lines):
+        height, width = image.shape
+        lines = stored[self.first_row : self.first_row + height]
+        for part, columns in self._parts(lines, width):
             image[:, columns] = part
 
-    def _parts(self, lines: NDArray[Any]) -> Iterator[tuple[NDArray[Any], slice]]:
-        """Stretches of stored columns, and the columns of the image that they hold."""
+    def _parts(self, lines: NDArray[Any], width: int) -> Iterator[tuple[NDArray[Any], slice]]:
+        """Stretches of stored columns, and the columns of an image of that width that they hold."""
         if not self.apart:
-            yield lines[:, self.first_column : self.first_column + self.width], slice(None)
+            yield lines[:, self.first_column : self.first_column + width], slice(None)
             return
         # Two strided copies are many times faster than one by an array of column numbers.
         for parity in (0, 1):
             begin = self.first_column // 2 + parity * (self.stride // 2)
-            yield lines[:, begin : begin + (self.width + 1 - parity) // 2], slice(parity, None, 2)
+            yield lines[:, begin : begin + (width + 1 - parity) // 2], slice(parity, None, 2)
 
-    def cells(self, pixels: NDArray[np.integer]) -> NDArray[np.int32]:
-        """Stored indices of flat pixel indices; :data:`persfs_cl.masks.NONE` stays."""
-        rows, columns = np.divmod(pixels, self.width)
+    def cells(self, pixels: NDArray[np.integer], width: int) -> NDArray[np.int32]:
+        """Stored indices of flat indices in an image of a width; :data:`persfs_cl.masks.NONE` stays."""
+        rows, columns = np.divmod(pixels, width)
         stored = (rows + self.first_row) * self.stride + self._columns[columns]
         return np.where(pixels == NONE, NONE, stored).astype(np.int32)
 
     def column_table(self, table: NDArray[np.float64], *, reversed_too: bool) -> NDArray[np.float64]:
         """Numbers of the columns, shape (n, width), as stored: (n, stride), or (2 n, stride) with reversed copies."""
         stored = np.repeat(table[:, -1:], self.stride, axis=1)
-        stored[:, self._columns] = table
+        stored[:, self._columns[: table.shape[1]]] = table
         return np.concatenate([stored, stored[:, ::-1]]) if reversed_too else stored
 
     def row_table(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
         """Numbers of the rows, shape (n, height), as stored: (n, rows)."""
-        return np.pad(table, ((0, 0), (self.first_row, self.rows - self.first_row - self.height)), mode="edge")
+        after = self.rows - self.first_row - table.shape[1]
+        return np.pad(table, ((0, 0), (self.first_row, after)), mode="edge")

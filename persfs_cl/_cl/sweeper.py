@@ -31,13 +31,13 @@ _LOWEST = 0.0
 
 
 class Sweeper:
-    """Images of one size on a device, and the steps of the iteration. An image that has converged rests.
+    """Images of about one size on a device, and the steps of the iteration. An image that has converged rests.
 
     Parameters
     ----------
     device : Device
     images : sequence of Image
-        At least one, all of one shape.
+        At least one. Those smaller than the largest take as long.
     model : sequence of str
         Kernel files of the model and the scheme.
     ordering : str or Ordering
@@ -86,7 +86,8 @@ class Sweeper:
         self._device = device
         self._real = device.real(precision)
         self.count = len(images)
-        height, width = images[0].log_depth.shape
+        shapes = [image.log_depth.shape for image in images]
+        height, width = (max(lengths) for lengths in zip(*shapes, strict=True))
         if isinstance(ordering, str):
             rests = rests and not any(len(image.cells) for image in images)
             setup = Setup(device, precision, (height, width), self.count, second_order, only_lower, rests)
@@ -118,8 +119,10 @@ class Sweeper:
     def _uploaded(self, images: Sequence[Image]) -> dict[str, Any]:
         """What kernels may take as arguments, by name."""
         device, layout, real = self._device, self._layout, self._real
-        stored = layout.store([image.log_depth.__getitem__ for image in images], images[0].outside or 0.0, real)
-        brightness = layout.store([image.marked_brightness for image in images], np.nan, real)
+        shapes = [image.log_depth.shape for image in images]
+        stored = layout.store([image.log_depth.__getitem__ for image in images], images[0].outside or 0.0, real, shapes)
+        brightness = layout.store([image.marked_brightness for image in images], np.nan, real, shapes)
+        flags = layout.store([image.flags.__getitem__ for image in images], 0, np.dtype(np.uint8), shapes)
         reversed_too = self.ordering.vectors_down
         columns = np.stack([layout.column_table(image.x_axis, reversed_too=reversed_too) for image in images])
         rows = np.stack([layout.row_table(image.y_axis) for image in images])
@@ -127,7 +130,7 @@ class Sweeper:
             "log_depth": upload(device, stored),
             "previous": allocate(device, stored.nbytes),
             "brightness": upload(device, brightness),
-            "flags": upload(device, layout.store([image.flags.__getitem__ for image in images], 0, np.dtype(np.uint8))),
+            "flags": upload(device, flags),
             "parameters": upload(device, records([image.parameters for image in images], real)),
             "column_table": upload(device, columns.astype(real)),
             "row_table": upload(device, rows.astype(real)),
@@ -284,7 +287,7 @@ class Sweeper:
         return event
 
     def log_depth(self) -> NDArray[np.floating]:
-        """A copy of the values as they are now, shape (images, height, width)."""
+        """A copy of the values of images of one shape as they are now, shape (images, height, width)."""
         values = np.empty((self.count, self._layout.height, self._layout.width), self._real)
         self.copy_log_depth(values)
         return values
@@ -356,7 +359,7 @@ def _boundary(
     parts = np.stack([np.cumsum(counts) - counts, edges, counts - edges], axis=1).astype(np.int32)
 
     def listed(name: str) -> NDArray[np.int32]:
-        cells = np.concatenate([layout.cells(getattr(image, name)) for image in images])
+        cells = np.concatenate([layout.cells(getattr(image, name), image.flags.shape[1]) for image in images])
         # OpenCL has no empty buffers; that of a list without cells is never read.
         return cells if counts.any() else np.zeros(4, np.int32)
 

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from persfs_cl._cl.device import usable_cores
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
+from persfs_cl.blocks import usable_cores
 from persfs_cl.colour import encode_srgb
 from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.crew import Crew

@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from persfs_cl._cl.device import usable_cores
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
+from persfs_cl.blocks import usable_cores
 from persfs_cl.pipeline.cluster import RESOURCE, Cluster
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.job import Job

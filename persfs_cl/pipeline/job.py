@@ -29,10 +29,10 @@ from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.given import check
 from persfs_cl.solver.inputs import warn_of_steep_outline
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.problem import prepare as as_problem
 from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.surface.solution import Solution
 from persfs_cl.wording import keyword
@@ -259,12 +259,7 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
     """
     inputs = ready.inputs
     with _naming(inputs.job.title):
-        return as_problem(
-            ready.image,
-            inputs.camera,
-            **ready.maps,
-            options=options,
-        )
+        return Problem.of(check(ready.image, inputs.camera, **ready.maps, options=options, whole=False))
 
 
 def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:

@@ -30,15 +30,14 @@ from persfs_cl.pipeline.room import Room, bytes_for
 from persfs_cl.pipeline.store import Shelf
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
+from persfs_cl.solver.pieces import pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes import scheme_for
-from persfs_cl.solver.solve import pieces, solve
+from persfs_cl.solver.solve import solve
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import Heard, hearing
 
-_LARGEST_GROUP = 2**24
-"""Pixels that share launches at most: their results appear together."""
 _ROOM_OF_READERS = 4
 """Photos that wait to be written for each writer: more would only hold memory."""
 
@@ -217,11 +216,9 @@ class Station:
             self._changed.wait_for(lambda: self._ready or not self._reading)
             if not self._ready:
                 return []
-            first = self._ready[0]
-            alike = [work for work in self._ready if work.shape == first.shape]
-            most = max(1, _LARGEST_GROUP // max(1, first.shape[0] * first.shape[1]))
-            members = next(pieces([work.shape for work in alike[:most]], self._device, self._options["precision"]))
-            group = [alike[number] for number in members]
+            waiting = list(self._ready)
+            members, *_ = pieces([work.shape for work in waiting], self._device, self._options["precision"])
+            group = [waiting[number] for number in members]
             for work in group:
                 self._ready.remove(work)
             return group

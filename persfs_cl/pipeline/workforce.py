@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable, Sequence
 from typing import Protocol, cast
 
-from persfs_cl._cl.device import Device, devices, usable_cores
+from persfs_cl._cl.device import Device, devices
+from persfs_cl.blocks import usable_cores
 from persfs_cl.checks import as_whole_number
 from persfs_cl.errors import DeviceError, InputError
 from persfs_cl.io.limits import memory

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import FARTHEST, NEAREST, as_flag, as_number, as_numbers
 from persfs_cl.errors import InputError
@@ -326,19 +326,30 @@ class FlashModel(_LampModel):
         From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light; with the
         lamp off the axis likewise at the distance from the lamp.
         """
-        shading = np.maximum(image, _BLACK * largest(image, solved))
-        # What is not solved may hold anything.
-        shading[~solved] = self.light.gain
-        shading /= self.light.gain
-        first = np.zeros_like(shading)
-        for rows in row_blocks(shading.shape):
-            x, y, inside = grid.x, grid.y[rows], solved[rows]
-            self._to_unit_distance(shading[rows], x, y)
-            square_distance = self.reflectance.brightest / shading[rows]
-            first[rows][inside] = self._log_depth_facing(square_distance, x, y)[inside]
-        level = float(np.median(first[solved], overwrite_input=True))
-        shading *= np.exp(2.0 * level)
-        first -= level
+        darkest = _BLACK * largest(image, solved)
+        shading, first = np.empty(image.shape), np.empty(image.shape)
+
+        def begin(rows: slice) -> None:
+            x, y, block = grid.x, grid.y[rows], shading[rows]
+            np.maximum(image[rows], darkest, out=block)
+            if not (inside := solved[rows]).all():
+                # What is not solved may hold anything.
+                block[~inside] = self.light.gain
+            block /= self.light.gain
+            self._to_unit_distance(block, x, y)
+            first[rows] = self._log_depth_facing(self.reflectance.brightest / block, x, y)
+
+        in_row_blocks(begin, image.shape)
+        everything = bool(solved.all())
+        level = float(np.median(first if everything else first[solved], overwrite_input=not everything))
+
+        def level_out(rows: slice) -> None:
+            shading[rows] *= np.exp(2.0 * level)
+            first[rows] -= level
+            if not everything:
+                np.copyto(first[rows], -level, where=~solved[rows])
+
+        in_row_blocks(level_out, image.shape)
         return shading, first, level
 
     def _to_unit_distance(self, shading: Array, x: Array, y: Array) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import PixelGrid
 from persfs_cl.choices import Boundary
 from persfs_cl.shading.equations import Equation
@@ -287,5 +288,8 @@ class Model(ABC):
 
 
 def largest(brightness: Array, solved: Mask) -> float:
-    """The largest value of the pixels to solve; the others may hold anything."""
-    return float(brightness.max(where=solved, initial=0.0))
+    """The largest value of the pixels to solve, or 0; the others may hold anything."""
+    blocks = ((brightness[rows], solved[rows]) for rows in row_blocks(solved.shape))
+    # Many times faster than over some of them.
+    found = (values.max() if here.all() else values.max(where=here, initial=0.0) for values, here in blocks)
+    return float(max(0.0, *found))

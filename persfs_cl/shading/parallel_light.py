@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import as_number
 from persfs_cl.choices import Boundary
@@ -171,15 +171,18 @@ class CosineModel(_ParallelModel):
         """
         light, x = self.light, grid.x
         found = np.zeros_like(solved)
-        for rows in row_blocks(found.shape):
+
+        def find(rows: slice) -> None:
             y = grid.y[rows]
             offset_x, offset_y = x - light.p0, y - light.q0
             # The bound is at most |ñ|²: most photographs are brighter than that nearly everywhere.
             if (light.norm * image[rows].min()) ** 2 > (offset_x**2).max() + (offset_y**2).max():
-                continue
+                return
             along = x * offset_x + y * offset_y
             bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
             found[rows] = solved[rows] & ((light.norm * image[rows]) ** 2 <= bound)
+
+        in_row_blocks(find, found.shape)
         return found
 
 

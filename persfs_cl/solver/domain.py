@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Mask
 from persfs_cl.errors import InputError
 from persfs_cl.masks import NONE, SWEPT, Neighbours, connected, missing_neighbours
+from persfs_cl.solver.window import Window
 from persfs_cl.wording import keyword
+
+_RENEWED = ("outflow", "extrapolate")
+"""Boundaries whose cells are renewed from inside."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,9 @@ class Boundary:
     inwards: NDArray[np.int32]
     edges: int
     corners: int
+
+
+_NO_CELLS = Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
 
 
 @dataclass(frozen=True)
@@ -56,8 +63,27 @@ class Domain:
     flags: NDArray[np.uint8]
     boundary: Boundary
 
+    def cut(self, window: Window) -> Domain:
+        """The same in a window with all that is solved, and what is known within two pixels of it."""
+        boundary = self.boundary
+        return Domain(
+            known=window.cut(self.known),
+            solved=window.cut(self.solved),
+            unreached=window.cut(self.unreached),
+            flags=window.cut(self.flags),
+            boundary=replace(boundary, cells=window.pixels(boundary.cells), inwards=window.pixels(boundary.inwards)),
+        )
 
-def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, needs_known: bool = True) -> Domain:
+
+def lay_out(
+    wanted: Mask,
+    known: Mask,
+    walls: Mask | None,
+    boundary: str,
+    *,
+    needs_known: bool = True,
+    window: Window | None = None,
+) -> Domain:
     """Classify the pixels of a problem.
 
     Parameters
@@ -71,6 +97,13 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
     boundary : {"outflow", "extrapolate", "fixed", "wall"}
     needs_known : bool
         False where the image alone determines the depth: then all pixels are solved.
+    window : Window, optional
+        The part that is wanted, with all pixels to solve and what lies within two pixels of them; all by default.
+
+    Returns
+    -------
+    Domain
+        Of the window.
 
     Raises
     ------
@@ -91,11 +124,23 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
             f"No depth is known: give {keyword('known_depth')} at least one finite value that is not behind a wall.",
             argument="known_depth",
         )
+    if window is None:
+        window = Window.whole((wanted.shape[0], wanted.shape[1]))
+    counts = int(np.count_nonzero(known)), int(np.count_nonzero(unknown))
+    known_inside = window.cut(known)
+    if boundary in _RENEWED and np.count_nonzero(known_inside) < counts[0]:
+        # A chain of known pixels may leave the window and come back.
+        return _laid_out(unknown, known, boundary, counts, needs_known=needs_known).cut(window)
+    return _laid_out(window.cut(unknown), known_inside, boundary, counts, needs_known=needs_known)
+
+
+def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int], *, needs_known: bool) -> Domain:
+    """Classify pixels without walls; `counts` are the known and the unknown ones of the image."""
     reached = unknown & connected(known, unknown | known) if needs_known else unknown
     if not reached.any():
         raise InputError(
-            f"None of the {int(known.sum())} known depths can reach the {int(unknown.sum())} pixels to solve: "
-            "give a known depth inside the mask or next to it."
+            f"None of the {counts[0]} known depths can reach the {counts[1]} pixels to solve: give a known depth "
+            "inside the mask or next to it."
         )
     present = reached | known
     flags = missing_neighbours(present)
@@ -108,11 +153,7 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
                 f"needs a known depth on every edge pixel of the image and mask, but {open_rim} have none: add them to "
                 f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
-    renewed = (
-        _boundary(reached, known, present)
-        if boundary in ("outflow", "extrapolate")
-        else Boundary(np.empty(0, np.int32), np.empty((0, 4), np.int32), 0, 0)
-    )
+    renewed = _boundary(reached, known, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
     np.bitwise_or(flags, SWEPT, out=flags, where=reached)
     flags.ravel()[renewed.cells] ^= SWEPT
     return Domain(
@@ -124,19 +165,20 @@ def lay_out(wanted: Mask, known: Mask, walls: Mask | None, boundary: str, *, nee
     )
 
 
-def _boundary(reached: Mask, known: Mask, present: Mask) -> Boundary:
-    """Choose the cells that eq. (12) renews.
+def _boundary(reached: Mask, known: Mask, present: Mask, on_rim: Mask) -> Boundary:
+    """Choose the cells that eq. (12) renews, of those on the rim.
 
     A rim cell looks inwards along each axis on which just one neighbour is missing. Cells that no chain of looks
     joins to a swept cell (strips of one or two pixels) are swept like all others, and so are those next to known values
     that no inner cell would hear: a known corner of the image, say.
     """
+    if not on_rim.any():
+        return _NO_CELLS
     height, width = reached.shape
     beside = Neighbours.of(present)
-    on_rim = reached & ~beside.all
     heard = connected(known & Neighbours.of(reached & ~on_rim).any, known)
-    rows, columns = np.nonzero(on_rim & ~Neighbours.of(known & ~heard).any)
-    index = rows * width + columns
+    index = np.flatnonzero(on_rim & ~Neighbours.of(known & ~heard).any)
+    rows, columns = np.divmod(index, width)
 
     looks = []
     for before, after, line, length, stride in (

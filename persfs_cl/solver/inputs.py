@@ -53,7 +53,9 @@ def require_shading(
     brightness: NDArray[np.float64], solved: NDArray[np.bool_], model: Model, most: float, name: str
 ) -> None:
     """InputError when the pixels that are used are no image for the model; the others may hold anything."""
-    blocks = (brightness[rows][solved[rows]] for rows in row_blocks(solved.shape))
+    blocks = (
+        brightness[rows] if solved[rows].all() else brightness[rows][solved[rows]] for rows in row_blocks(solved.shape)
+    )
     # Both are NaN where one value is.
     extremes = np.array([(used.min(), used.max()) for used in blocks if used.size])
     darkest, brightest = float(extremes[:, 0].min()), float(extremes[:, 1].max())
@@ -114,7 +116,7 @@ def warn_of_steep_outline(
 def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
     """Warn where under a fading light many pixels are as dark as what lies behind an object."""
     dim = _DARK * largest(brightness, solved)
-    dark = sum(np.count_nonzero(brightness[rows][solved[rows]] < dim) for rows in row_blocks(solved.shape))
+    dark = sum(np.count_nonzero((brightness[rows] < dim) & solved[rows]) for rows in row_blocks(solved.shape))
     share = dark / np.count_nonzero(solved)
     if share > _DARK_SHARE:
         checks.warn(

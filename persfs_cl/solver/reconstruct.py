@@ -16,10 +16,11 @@ from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
 from persfs_cl.checks import unlike
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
+from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options, complete, with_options
-from persfs_cl.solver.problem import Problem, prepare
-from persfs_cl.solver.solve import pieces, solve
+from persfs_cl.solver.pieces import pieces, solve_in_pieces
+from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import concerning
 from persfs_cl.wording import brief
@@ -152,8 +153,8 @@ def reconstruct_batch(
 ) -> list[Solution]:
     """Reconstruct many images; the same numbers, bit for bit, as one by one.
 
-    Images of one size share launches, as many at a time as the device's memory takes; an image that has converged
-    costs nothing more.
+    Images of about one size share launches, some at a time, and while these are solved the next are made ready; an
+    image that has converged costs nothing more.
 
     Parameters
     ----------
@@ -212,24 +213,30 @@ def reconstruct_batch(
     device.real(settings["precision"])
     chosen = time.perf_counter() - began
     # All before any is solved: a bad image must not be found only after others.
-    problems: dict[int, Problem] = {}
+    found: dict[int, Given] = {}
     seconds = []
     for number, image in enumerate(given):
         began = time.perf_counter()
         with _naming(number, count), concerning(number):
             own = {name: entries[number] for name, entries in lists.items()}
-            problems[number] = prepare(image, **own, options=settings)
+            found[number] = check(image, **own, options=settings, whole=False)
         seconds.append(time.perf_counter() - began + chosen / count)
+
+    def ready(number: int) -> Problem:
+        began = time.perf_counter()
+        with _naming(number, count):
+            # What is solved is held no longer than until then.
+            problem = Problem.of(found.pop(number))
+        seconds[number] += time.perf_counter() - began
+        return problem
+
     callback = settings["callback"]
     watch = None if callback is None else Watch(callback)
     solutions: dict[int, Solution] = {}
-    shapes = [problem.image.shape for problem in problems.values()]
-    for members in pieces(shapes, device, settings["precision"]):
-        # What is solved is held no longer than until then.
-        solved = solve(device, [problems.pop(number) for number in members], settings, watch, members)
-        for number, solution in zip(members, solved, strict=True):
-            elapsed = replace(solution.elapsed, total=solution.elapsed.total + seconds[number])
-            solutions[number] = replace(solution, elapsed=elapsed)
+    together = pieces([each.window.shape for each in found.values()], device, settings["precision"])
+    for number, solution in solve_in_pieces(device, together, ready, settings, watch):
+        elapsed = replace(solution.elapsed, total=solution.elapsed.total + seconds[number])
+        solutions[number] = replace(solution, elapsed=elapsed)
     finished = [solutions[number] for number in range(count)]
     if settings["throw"]:
         for number, solution in enumerate(finished):

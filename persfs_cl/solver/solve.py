@@ -1,38 +1,56 @@
-"""Problems to solutions: which images share launches, what is run, and what comes of it."""
+"""Problems to solutions: what is run on the device, and what comes of it."""
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import FARTHEST, NEAREST, warn
-from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
+from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch, stop_at_once
 from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.rounds import solve_corrected
+from persfs_cl.solver.window import Window
+from persfs_cl.surface.geometry import Discontinuities
 from persfs_cl.surface.solution import Elapsed, Solution, Status
 from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 
 
-def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) -> Iterator[list[int]]:
-    """Numbers of images that may share launches: of one shape, and together well within the device's memory."""
-    # Values, their copy, brightness and flags, with something to spare for padding.
-    bytes_a_pixel = 3 * np.dtype(precision).itemsize + 2
-    by_shape: dict[tuple[int, ...], list[int]] = {}
-    for number, shape in enumerate(shapes):
-        by_shape.setdefault(shape, []).append(number)
-    for shape, numbers in by_shape.items():
-        # Index arithmetic within an array is done in 32 bits here and there, hence the second bound.
-        cells = math.prod(length + 96 for length in shape)
-        most = max(1, min(device.memory // (4 * cells * bytes_a_pixel), 2**30 // cells))
-        for begin in range(0, len(numbers), most):
-            yield numbers[begin : begin + most]
+@dataclass
+class Attempt:
+    """What the device made of problems that share launches.
+
+    Attributes
+    ----------
+    problems : list of Problem
+    run : Iteration
+    surfaces : list of (ndarray, ndarray), or None
+        None where they are still to be made of the values of the run.
+    rounds : list of int, or None
+        Runs of each, for a lamp that takes rounds.
+    seconds : float
+    """
+
+    problems: list[Problem]
+    run: Iteration
+    surfaces: list[LogDepthAndDepth] | None
+    rounds: list[int] | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A solution, and what is to be said of it."""
+
+    solution: Solution
+    remarks: tuple[str, ...]
 
 
 def solve(
@@ -42,12 +60,13 @@ def solve(
     watch: Watch | None,
     numbers: Sequence[int] | None = None,
 ) -> list[Solution]:
-    """Solve problems of one shape in shared launches.
+    """Solve problems in shared launches.
 
     Parameters
     ----------
     device : Device
     problems : sequence of Problem
+        Of about one size.
     options : Options
         Complete, see :func:`persfs_cl.solver.options.complete`.
     watch : Watch, optional
@@ -64,72 +83,142 @@ def solve(
     UserWarning
         When pixels come out where they cannot be relied on.
     """
-    began = time.perf_counter()
     numbers = range(len(problems)) if numbers is None else numbers
+    return told(finish(device, attempt(device, problems, options, watch, numbers), options), numbers)
+
+
+def attempt(
+    device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None, numbers: Sequence[int]
+) -> Attempt:
+    """Run the sweeps; see :func:`solve`."""
+    began = time.perf_counter()
     run = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
-    surfaces = run.surfaces(problems)
-    rounds = None
+    surfaces = rounds = None
     if problems[0].model.in_rounds:
+        surfaces = run.surfaces(problems)
         rounds = solve_corrected(device, problems, surfaces, run, options, watch, numbers)
-    discontinuities = []
-    for number, problem, surface, status in zip(numbers, problems, surfaces, run.statuses, strict=True):
-        with concerning(number):
-            _warn_if_too_near(problem, surface[1])
-            if status is Status.CONVERGED:
-                _warn_if_lost(problem, surface[1])
-            discontinuities.append(problem.continue_onto_walls(*surface))
-    clamped = [problem.degenerate for problem in problems]
+    return Attempt(list(problems), run, surfaces, rounds, time.perf_counter() - began)
+
+
+def finish(device: Device, attempted: Attempt, options: Options) -> list[Finished]:
+    """The solutions of what was run, in any thread: this neither warns nor asks anything of the device."""
+    began = time.perf_counter()
+    problems, run = attempted.problems, attempted.run
+    surfaces = attempted.surfaces or run.surfaces(problems)
+    found = []
+    for problem, surface, status in zip(problems, surfaces, run.statuses, strict=True):
+        remarks = (_too_near(problem, surface[1]), _lost(problem, surface[1]) if status is Status.CONVERGED else None)
+        found.append((_Whole.of(problem, surface), tuple(remark for remark in remarks if remark)))
     share = 1.0 / len(problems)
-    elapsed = Elapsed(share * (time.perf_counter() - began), share * run.kernel_seconds, share * run.build_seconds)
+    total = attempted.seconds + time.perf_counter() - began
+    elapsed = Elapsed(share * total, share * run.kernel_seconds, share * run.build_seconds)
     solutions = []
-    for place, (problem, (log_depth, depth)) in enumerate(zip(problems, surfaces, strict=True)):
-        solved = np.isfinite(depth)
-        solutions.append(
-            Solution(
-                depth=depth,
-                log_depth=log_depth,
-                solved=solved,
-                unreached=(problem.domain.solved | problem.domain.unreached) & ~solved,
-                clamped=clamped[place] & solved,
-                iterations=len(run.changes[place]),
-                changes=np.array(run.changes[place]),
-                status=run.statuses[place],
-                elapsed=elapsed,
-                device=device,
-                image=problem.photograph,
-                camera=problem.camera,
-                light=problem.model.light,
-                reflectance=problem.model.reflectance,
-                parameters={
-                    **reported(options),
-                    "sweep": run.variant,
-                    **({"lamp_rounds": rounds[place]} if rounds else {}),
-                },
-                albedo=problem.albedo,
-                walls=problem.walls,
-                discontinuities=discontinuities[place],
-            )
+    for place, (problem, (whole, said)) in enumerate(zip(problems, found, strict=True)):
+        solution = Solution(
+            depth=whole.depth,
+            log_depth=whole.log_depth,
+            solved=whole.solved,
+            unreached=whole.unreached,
+            clamped=whole.clamped,
+            iterations=len(run.changes[place]),
+            changes=np.array(run.changes[place]),
+            status=run.statuses[place],
+            elapsed=elapsed,
+            device=device,
+            image=problem.photograph,
+            camera=problem.camera,
+            light=problem.model.light,
+            reflectance=problem.model.reflectance,
+            parameters={
+                **reported(options),
+                "sweep": run.variant,
+                **({"lamp_rounds": attempted.rounds[place]} if attempted.rounds else {}),
+            },
+            albedo=problem.albedo,
+            walls=whole.walls,
+            discontinuities=whole.discontinuities,
         )
+        solutions.append(Finished(solution, said))
     return solutions
 
 
-def _warn_if_too_near(problem: Problem, depth: NDArray[np.float64]) -> None:
+def told(finished: Sequence[Finished], numbers: Sequence[int]) -> list[Solution]:
+    """The solutions, once what is to be said of them has been said."""
+    for number, each in zip(numbers, finished, strict=True):
+        with concerning(number):
+            for remark in each.remarks:
+                warn(remark)
+    return [each.solution for each in finished]
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """Arrays of the shape of the image."""
+
+    depth: Array
+    log_depth: Array
+    solved: Mask
+    unreached: Mask
+    clamped: Mask
+    walls: Mask | None
+    discontinuities: Discontinuities | None
+
+    @classmethod
+    def of(cls, problem: Problem, surface: LogDepthAndDepth) -> _Whole:
+        """From those of the window, and what is known around it."""
+        window, domain, (log_depth, depth) = problem.window, problem.domain, surface
+        discontinuities = problem.continue_onto_walls(log_depth, depth)
+        solved = np.isfinite(depth)
+        unreached = (domain.solved | domain.unreached) & ~solved
+        clamped = problem.degenerate & solved
+        whole = cls(
+            depth=window.spread(depth, np.nan),
+            log_depth=window.spread(log_depth, np.nan),
+            solved=window.spread(solved, False),
+            unreached=window.spread(unreached, False),
+            clamped=window.spread(clamped, False),
+            walls=None if problem.walls is None else window.spread(problem.walls, False),
+            discontinuities=None if discontinuities is None else _spread(discontinuities, window),
+        )
+        if beyond := problem.known_beyond:
+            np.copyto(whole.depth, beyond.depth, where=beyond.known)
+            np.log(beyond.depth, out=whole.log_depth, where=beyond.known)
+            whole.solved[beyond.known] = True
+        return whole
+
+
+def _spread(discontinuities: Discontinuities, window: Window) -> Discontinuities:
+    """Those of an image from those of a window."""
+    if window.is_whole:
+        return discontinuities
+
+    def spread(cuts: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
+        # One less than pixels: at the end of each line nothing follows.
+        padded = np.pad(cuts, [(0, int(axis == along)) for along in range(2)])
+        return window.spread(padded, False)
+
+    return Discontinuities(spread(discontinuities.right, 1)[:, :-1], spread(discontinuities.down, 0)[:-1])
+
+
+def _too_near(problem: Problem, depth: Array) -> str | None:
     nearest = problem.model.nearest_depth(problem.grid.x, problem.grid.y)
     if nearest is None:
-        return
+        return None
     if count := int(np.count_nonzero(problem.domain.solved & (depth <= 1.001 * nearest))):
-        warn(
+        return (
             f"{count} pixels come out as near to the camera as the lamp of {keyword('light', problem.model.light)}, "
             "where their depth ends: do not rely on them. Mask out what is too bright, or check the lamp's place and "
             "its gain, which go by the same unit of depth."
         )
+    return None
 
 
-def _warn_if_lost(problem: Problem, depth: NDArray[np.float64]) -> None:
+def _lost(problem: Problem, depth: Array) -> str | None:
     if count := int(np.count_nonzero(problem.domain.solved & np.isnan(depth))):
         bound = keyword("max_slope", problem.max_slope, written=f"{problem.max_slope:g}")
-        warn(
+        return (
             f"{count} pixels come out nearer than {NEAREST:g} or farther than {FARTHEST:g}, and have no depth: they, "
             "or those between them and a known depth, are too dark for the light, and only "
             f"{bound} bounds their slope. Mask them out, or lower {keyword('max_slope')}."
         )
+    return None

@@ -17,7 +17,8 @@ from persfs_cl.choices import Boundary
 from persfs_cl.io.export import write_grey
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver import reconstruct as reconstruct_room
-from persfs_cl.solver.problem import Problem, prepare
+from persfs_cl.solver.given import Given, check
+from persfs_cl.solver.problem import Problem
 
 ORDERINGS = ("wavefront", "checkerboard", "lexicographic")
 
@@ -405,19 +406,34 @@ def test_a_principal_point_outside_is_solved_with_a_warning_at_the_call() -> Non
 
 
 def test_each_image_is_prepared_once_however_many_launches_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
-    prepared = []
+    checked, ready = [], []
 
-    def counted(image: NDArray[np.float64], *rest: Any, **keywords: Any) -> Problem:
-        prepared.append(image.shape)
-        return prepare(image, *rest, **keywords)
+    def counted(image: NDArray[np.float64], *rest: Any, **keywords: Any) -> Given:
+        checked.append(image.shape)
+        return check(image, *rest, **keywords)
 
-    monkeypatch.setattr(reconstruct_room, "prepare", counted)
+    class Counted(Problem):
+        @classmethod
+        def of(cls, given: Given) -> Problem:
+            ready.append(given.image.shape)
+            return Problem.of(given)
+
+    monkeypatch.setattr(reconstruct_room, "check", counted)
+    monkeypatch.setattr(reconstruct_room, "Problem", Counted)
     monkeypatch.setattr(reconstruct_room, "pieces", lambda shapes, *_: [[place] for place in range(len(shapes))])
     images = [IMAGE, IMAGE[:-1], IMAGE[1:]]
     apart = ps.reconstruct_batch(images, ps.Camera(30.0))
-    assert prepared == [image.shape for image in images]
+    assert checked == [image.shape for image in images]
+    assert sorted(ready) == sorted(checked)
     for image, one in zip(images, apart, strict=True):
         np.testing.assert_array_equal(one.depth, ps.reconstruct(image, ps.Camera(30.0)).depth)
+
+
+def test_nothing_is_solved_when_the_last_image_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("persfs_cl.solver.pieces.attempt", lambda *_: pytest.fail("solved"))
+    monkeypatch.setattr("persfs_cl.solver.pieces.solve", lambda *_: pytest.fail("solved"))
+    with pytest.raises(ps.InputError, match=r"images\[2\].*all black"):
+        ps.reconstruct_batch([IMAGE, IMAGE[:-1], 0.0 * IMAGE], ps.Camera(30.0))
 
 
 def test_stopping_a_batch_stops_the_images_that_have_not_begun() -> None:

@@ -6,7 +6,6 @@ known to take them. Elsewhere the wavefront goes tile by tile, and the checkerbo
 
 from __future__ import annotations
 
-from persfs_cl._cl.device import usable_cores
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
 from persfs_cl._cl.orderings.ordering import Ordering, Setup
@@ -16,6 +15,7 @@ from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
 from persfs_cl._cl.registers import lanes
+from persfs_cl.blocks import usable_cores
 
 _BAND_PIXELS = 4096
 """The bands that a group works on at a time stay in a processor's second-level cache, eight half-sweeps long."""

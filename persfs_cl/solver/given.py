@@ -1,0 +1,268 @@
+"""One image and its maps, checked before any work is done with them, and cut to what is needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from persfs_cl import masks
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.blocks import row_blocks
+from persfs_cl.camera import Camera, PixelGrid, require_camera
+from persfs_cl.checks import as_mask
+from persfs_cl.errors import InputError
+from persfs_cl.maps import as_albedo, as_array_of_image, as_known_depth
+from persfs_cl.shading.model import Model
+from persfs_cl.solver.domain import Domain, lay_out
+from persfs_cl.solver.inputs import (
+    require_image,
+    require_relief,
+    require_shading,
+    warn_of_background,
+    warn_of_steep_outline,
+)
+from persfs_cl.solver.options import Options
+from persfs_cl.solver.schemes import scheme_for
+from persfs_cl.solver.schemes.scheme import Scheme
+from persfs_cl.solver.window import Window
+from persfs_cl.surface.discontinuities import REACH
+from persfs_cl.wording import keyword
+
+_MOST_LIGHT = 1e100
+"""What a pixel may hold that is not solved, and be no NaN."""
+
+_MARGIN = 2
+"""Pixels around those to solve that these may read: at second order, and on the boundary."""
+
+_MARGIN_OF_WALLS = REACH + 3
+"""The same where depth is continued onto walls."""
+
+_MARGIN_IN_ROUNDS = 17
+"""The same where an image is corrected by the slopes found, smoothed as in :mod:`persfs_cl.solver.rounds`."""
+
+
+@dataclass(frozen=True)
+class KnownBeyond:
+    """Known pixels of an image of which some lie outside the window.
+
+    Attributes
+    ----------
+    known : ndarray of bool, shape of the image
+    depth : ndarray of float64, shape of the image
+        Where it is known; else anything.
+    """
+
+    known: Mask
+    depth: Array
+
+
+@dataclass(frozen=True)
+class Given:
+    """One image and its maps, checked: what can be solved.
+
+    Attributes
+    ----------
+    photograph : ndarray of float64, shape of the image
+        As given; anything where there is nothing to solve.
+    albedo : ndarray of float64, shape of the image, or None
+        By which the photograph was divided.
+    camera : Camera
+    window : Window
+        The part of the image that is solved. Arrays that are not of the shape of the image are of its (height, width).
+    image : ndarray of float64, shape (height, width)
+        E, or the brightness under a flash, of the surface without its albedo.
+    known_depth : ndarray of float64, shape (height, width)
+        NaN where unknown.
+    known_beyond : KnownBeyond or None
+        None where all known pixels are in the window.
+    walls : ndarray of bool, shape (height, width), or None
+        Pixels of walls that belong to the surface: inside the mask, or of known depth. None where no walls are given.
+    known_values : ndarray of float64, shape (n,)
+        W of the known pixels, in the order of the image.
+    seen : ndarray of bool, shape (n,)
+        Which of these have a neighbour that is solved.
+    sign : float
+        +1 for a surface going away from the known values, W = Z; -1 for one coming towards the camera, W = -Z.
+    offset : ndarray of float64, shape (height, width)
+        What the unknown has more than Z = ln z, see :meth:`persfs_cl.shading.model.Model.offset`.
+    max_slope : float
+    domain : Domain
+    grid, image_grid : PixelGrid
+        Of the window, and of the image.
+    model : Model
+    scheme : Scheme
+    """
+
+    photograph: Array
+    albedo: Array | None
+    camera: Camera
+    window: Window
+    image: Array
+    known_depth: Array
+    known_beyond: KnownBeyond | None
+    walls: Mask | None
+    known_values: Array
+    seen: Mask
+    sign: float
+    offset: Array
+    max_slope: float
+    domain: Domain
+    grid: PixelGrid
+    image_grid: PixelGrid
+    model: Model
+    scheme: Scheme
+
+
+def check(
+    image: ArrayLike,
+    camera: Camera,
+    mask: ArrayLike | None,
+    walls: ArrayLike | None,
+    known_depth: ArrayLike | None,
+    albedo: ArrayLike | None = None,
+    *,
+    options: Options,
+    whole: bool,
+) -> Given:
+    """Check an image and its maps; see :func:`persfs_cl.reconstruct` for the parameters.
+
+    The options are complete, see :func:`persfs_cl.solver.options.complete`. The `whole` image is solved, or the part
+    that the solution depends on.
+
+    Raises
+    ------
+    InputError, CameraError
+        When something cannot be used.
+
+    Warns
+    -----
+    UserWarning
+        When under a flash many pixels are as dark as what lies behind an object; when z = 1 is assumed on the outline
+        of a mask that is no flat ground; when the principal point lies outside the image.
+    """
+    require_camera(camera)
+    light, scheme = options["light"], scheme_for(options["scheme"], options["light"], options["reflectance"])
+    model = scheme.model(light, options["reflectance"])
+    photograph, usual = _copied(require_image(image))
+    shape = photograph.shape
+    image_grid = camera.grid(shape)
+    camera.warn_if_off_image(shape)
+    wanted = np.ones(shape, bool) if mask is None else as_mask("mask", as_array_of_image("mask", mask), shape)
+    barriers = None if walls is None else as_mask("walls", as_array_of_image("walls", walls), shape)
+    if known_depth is None and not light.flat_rim and not light.determines_depth:
+        raise InputError(
+            f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
+            "only: give at least one depth, or photograph with fall-off.",
+            argument="known_depth",
+        )
+    depths: Array | None = None
+    if known_depth is not None:
+        depths, known = as_known_depth("known_depth", known_depth, shape)
+    else:
+        known = masks.rim(wanted) if light.flat_rim else np.zeros(shape, bool)
+    if known_depth is None and wanted.any() and not (wanted & ~known).any():
+        raise InputError(
+            f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
+            f"left to solve: give {keyword('known_depth')}.",
+            argument="known_depth",
+        )
+    window = Window.whole(shape)
+    if not whole and (mask is not None or known_depth is not None):
+        window = _window(wanted, known, model, assumed=known_depth is None, walled=walls is not None)
+    layout = lay_out(
+        wanted, known, barriers, options["boundary"], needs_known=not light.determines_depth, window=window
+    )
+    on_walls = None if barriers is None else barriers & (wanted | known)
+    kept = known if barriers is None else known & ~barriers
+    reflecting = None
+    if albedo is not None:
+        used = kept | window.spread(layout.solved, False)
+        reflecting = as_albedo("albedo", albedo, used if on_walls is None else used | on_walls)
+    # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
+    if not usual:
+        photograph[~window.spread(layout.solved, False) & ~(np.abs(photograph) <= _MOST_LIGHT)] = np.nan
+    brightness = window.cut(photograph)
+    if reflecting is not None:
+        with np.errstate(over="ignore"):
+            brightness = brightness / window.cut(reflecting)
+    name = "image" if reflecting is None else "image / albedo"
+    require_shading(brightness, layout.solved, model, model.brightest(image_grid), name)
+    if known_depth is None and light.flat_rim:
+        inside = window.cut(wanted)
+        looked_at = inside if barriers is None else inside & ~window.cut(barriers)
+        warn_of_steep_outline(brightness, looked_at, inside, light, options["reflectance"])
+    if light.determines_depth:
+        model.check_scale(brightness, layout.solved, image_grid)
+        warn_of_background(brightness, layout.solved)
+
+    sign, grid = 1.0 if options["surface"] == "away" else -1.0, window.grid(image_grid)
+    offset = model.offset(grid)
+    known_depths = np.where(window.cut(known), 1.0, np.nan) if depths is None else window.cut(depths)
+    depths_inside = known_depths[layout.known]
+    # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
+    seen = _beside(layout.solved, layout.known)
+    require_relief(depths_inside[seen])
+    beyond = None
+    if depths is not None and np.count_nonzero(kept) > depths_inside.size:
+        beyond = KnownBeyond(kept, depths)
+    return Given(
+        photograph=photograph,
+        albedo=reflecting,
+        camera=camera,
+        window=window,
+        image=brightness,
+        known_depth=known_depths,
+        known_beyond=beyond,
+        walls=None if on_walls is None else window.cut(on_walls),
+        known_values=sign * (np.log(depths_inside) + offset[layout.known]),
+        seen=seen,
+        sign=sign,
+        offset=offset,
+        max_slope=cast("float", options["max_slope"]),
+        domain=layout,
+        grid=grid,
+        image_grid=image_grid,
+        model=model,
+        scheme=scheme,
+    )
+
+
+def _copied(image: NDArray[np.floating]) -> tuple[Array, bool]:
+    """A copy, so that the solution stays what it is whatever becomes of the array; whether all of it may be brightness."""
+    copy = np.empty(image.shape)
+    usual = True
+    # Longer types hold numbers that become infinite.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for rows in row_blocks(image.shape):
+            block = copy[rows]
+            block[:] = image[rows]
+            usual &= bool(block.min() >= -_MOST_LIGHT and block.max() <= _MOST_LIGHT)
+    return copy, usual
+
+
+def _window(wanted: Mask, known: Mask, model: Model, *, assumed: bool, walled: bool) -> Window:
+    """The part of an image that its solution depends on, where known values are `assumed` or given.
+
+    The outline of the mask is looked at where they are assumed. Walls, and the image that is corrected by what was
+    found, have to do with all that has a depth.
+    """
+    needed = wanted if assumed else wanted & ~known
+    if walled or model.in_rounds:
+        needed = wanted | known
+    if not needed.any():
+        return Window.whole((wanted.shape[0], wanted.shape[1]))
+    margins = (_MARGIN, _MARGIN_OF_WALLS if walled else 0, _MARGIN_IN_ROUNDS if model.in_rounds else 0)
+    return Window.around(needed, max(margins))
+
+
+def _beside(solved: Mask, known: Mask) -> Mask:
+    """Which known pixels, in the order of the image, have a neighbour that is solved."""
+    found = [np.zeros(0, bool)]
+    for rows in row_blocks(known.shape):
+        here = known[rows]
+        if here.any():
+            found.append(masks.Neighbours.of(solved, rows).any[here])
+    return np.concatenate(found)
