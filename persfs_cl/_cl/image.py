@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.arrays import Mask
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 
 
@@ -47,11 +46,6 @@ class Image:
     edges: int
     outside: float | None = None
 
-    @property
-    def swept(self) -> Mask:
-        """Which pixels are."""
-        return np.asarray((self.flags & SWEPT) != 0)
-
     def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
         """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""
         flags = self.flags[rows]
@@ -70,3 +64,13 @@ class Image:
         flags = self.flags.ravel()[self.cells]
         steps = ((NO_LEFT, -1), (NO_RIGHT, 1), (NO_UP, -width), (NO_DOWN, width))
         return np.stack([np.where(flags & bit, NONE, self.cells + step) for bit, step in steps], axis=1)
+
+
+def swept_of(images: Sequence[Image]) -> NDArray[np.bool_]:
+    """Which pixels of images are swept, shape (images, height, width), False around those that are smaller."""
+    height, width = (max(lengths) for lengths in zip(*(image.flags.shape for image in images), strict=True))
+    swept = np.zeros((len(images), height, width), bool)
+    for image, inside in zip(images, swept, strict=True):
+        rows, columns = image.flags.shape
+        np.not_equal(image.flags & SWEPT, 0, out=inside[:rows, :columns])
+    return swept

@@ -377,7 +377,13 @@ class UpwindFlashModel(FlashModel):
 
     def read_by_kernels(self, shading: Array) -> Array:
         """ln F, see :meth:`Model.read_by_kernels`."""
-        return np.log(shading)
+        read = np.empty_like(shading)
+
+        def take(rows: slice) -> None:
+            np.log(shading[rows], out=read[rows])
+
+        in_row_blocks(take, shading.shape)
+        return read
 
 
 @dataclass(frozen=True)

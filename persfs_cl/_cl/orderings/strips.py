@@ -9,10 +9,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl._cl.image import Image
+from persfs_cl._cl.image import Image, swept_of
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings.ordering import Ordering
-from persfs_cl.arrays import Mask
+
+_BEFORE, _BORDER = 4, 8
+"""As in kernels/shared/tiles.cl: a number of a sweep before the first one, and tiles around the image."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,11 @@ class Strips(Ordering):
         """Of tiles, see kernels/shared/tiles.cl."""
         if not self.rests:
             return np.zeros(1, np.int32)
-        return np.stack([_first_changes(image.swept, self.lanes) for image in images])
+        side, swept = self.lanes, swept_of(images)
+        count, height, width = swept.shape
+        whole = np.pad(swept, ((0, 0), (0, -height % side), (0, -width % side)))
+        tiles = whole.reshape(count, whole.shape[1] // side, side, -1, side).any(axis=(2, 4))
+        return np.pad(np.where(tiles, _BEFORE, 0).astype(np.int32), ((0, 0), (_BORDER, _BORDER), (_BORDER, _BORDER)))
 
     @property
     def counts_tiles(self) -> bool:
@@ -62,15 +68,3 @@ class Strips(Ordering):
 
     def _sizes(self) -> tuple[str, ...]:
         return f"rows: {self.strip_rows}", f"groups: {self.work_groups}"
-
-
-_BEFORE, _BORDER = 4, 8
-"""As in kernels/shared/tiles.cl: a number of a sweep before the first one, and tiles around the image."""
-
-
-def _first_changes(swept: Mask, side: int) -> NDArray[np.int32]:
-    """The account of tiles, so many pixels a side, before the first sweep; 0 where there is nothing to sweep."""
-    height, width = swept.shape
-    whole = np.pad(swept, ((0, -height % side), (0, -width % side)))
-    tiles = whole.reshape(whole.shape[0] // side, side, -1, side).any(axis=(1, 3))
-    return np.pad(np.where(tiles, _BEFORE, 0).astype(np.int32), _BORDER)
