@@ -57,6 +57,16 @@ class Run:
     own_measures_of: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
+        self._clear()
+
+    def start_over(self) -> None:
+        """Count everything from 0 again: the counters of an image that has rested lag behind those of the others."""
+        self._clear()
+        if (buffer := self.values.get("sync")) is not None:
+            cl.enqueue_fill_buffer(self.device.queue, buffer, np.zeros(1, np.int32), 0, buffer.size)
+
+    def _clear(self) -> None:
+        self.launches = self.sweeps = self.own_measures = 0
         self.sweeps_of, self.own_measures_of = np.zeros((2, self.images), np.int64)
 
     @property

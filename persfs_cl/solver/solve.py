@@ -94,6 +94,7 @@ def solve(
                 iterations=len(run.changes[place]),
                 changes=np.array(run.changes[place]),
                 status=run.statuses[place],
+                distance=run.distances[place],
                 elapsed=elapsed,
                 device=device,
                 image=problem.photograph,
