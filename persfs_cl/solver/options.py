@@ -155,8 +155,8 @@ class Options(TypedDict, total=False):
         Option(
             AUTO,
             _one_of(_schemes),
-            "lax-friedrichs is the paper's, upwind sharper and faster. auto: the paper's under a parallel light, "
-            "upwind under a flash where the material permits it.",
+            "lax-friedrichs is the paper's, upwind sharper and faster. auto: upwind where the material permits it, and "
+            "the boundary.",
             choices=_schemes,
         ),
     ]
@@ -238,8 +238,9 @@ def complete(given: Options) -> Options:
         "Options",
         {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},
     )
-    light, scheme = options["light"], scheme_for(options["scheme"], options["light"], options["reflectance"])
-    scheme.model(light, options["reflectance"])
+    light, reflectance = options["light"], options["reflectance"]
+    scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
+    scheme.model(light, reflectance)
     boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
     if boundary not in scheme.boundaries:
         raise InputError.about(

@@ -80,8 +80,9 @@ def reconstruct(
         light, else "wall". The upwind scheme knows "wall" and "fixed" only: by its nature nothing flows in.
     scheme : {"auto", "lax-friedrichs", "upwind"}
         "lax-friedrichs" is the paper's: it takes any Hamiltonian, smears, and needs many iterations. "upwind" solves
-        each cell exactly from the neighbours upwind: a few iterations, and several times less error. "auto" is the
-        paper's under a parallel light, and upwind under a flash where the material permits it.
+        each cell exactly from the neighbours upwind: a few iterations, and several times less error. "auto" is upwind
+        where it has the `boundary` and the material permits it, under a parallel light a perfectly matt one, under a
+        flash one that is brightest face on; else the paper's.
     ordering : {"wavefront", "checkerboard", "lexicographic"}
         Order of the cells in a sweep. "wavefront" gives the bits of "lexicographic", in parallel; "checkerboard" other
         iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under
