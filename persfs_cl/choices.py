@@ -6,4 +6,5 @@ from typing import Literal
 
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
+Stopping = Literal["distance", "change"]
 Precision = Literal["float32", "float64"]

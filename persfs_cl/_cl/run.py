@@ -60,6 +60,25 @@ class Run:
     own_measures_of: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
+        self._clear()
+
+    def start_over(self, numbers_a_sweep: int) -> None:
+        """Count everything from 0 again: the counters of an image that has rested lag behind those of the others.
+
+        What an image's account of changes has by its sweeps so far, some numbers a sweep, is put back by as many.
+        """
+        if (buffer := self.values.get("changed")) is not None:
+            changed = np.empty(buffer.size // 4, np.int32)
+            cl.enqueue_copy(self.device.queue, changed, buffer)
+            past = numbers_a_sweep * self.sweeps_of[:, None]
+            kept = np.maximum(changed.reshape(self.images, -1) - past, 0).astype(np.int32)
+            cl.enqueue_copy(self.device.queue, buffer, kept)
+        self._clear()
+        if (buffer := self.values.get("sync")) is not None:
+            cl.enqueue_fill_buffer(self.device.queue, buffer, np.zeros(1, np.int32), 0, buffer.size)
+
+    def _clear(self) -> None:
+        self.launches = self.sweeps = self.own_measures = self.measured_sweeps = 0
         self.sweeps_of, self.own_measures_of = np.zeros((2, self.images), np.int64)
 
     @property

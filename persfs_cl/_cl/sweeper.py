@@ -94,10 +94,7 @@ class Sweeper:
             ordering = ordering_for(ordering, setup)
         self.ordering = ordering
         self._layout = ordering.layout((height, width))
-        # The largest float32 that is no more than the tolerance, so that host and device agree on who has met it.
-        self._tolerance = np.float32(tolerance)
-        if self._tolerance > tolerance:
-            self._tolerance = np.nextafter(self._tolerance, np.float32(0.0))
+        self._tolerance = _rounded_down(tolerance)
         self._rested = np.zeros(self.count, bool)
         self._begun = False
         self._changes = np.zeros((1, self.count), np.float32)
@@ -178,6 +175,15 @@ class Sweeper:
         if self.ordering.iterations_a_launch(self._run) < ALL_ITERATIONS:
             return 4
         return max(4, min(64, _CELLS_AT_A_TIME // self._run.pixels))
+
+    def go_on(self, images: Iterable[int], tolerance: float) -> None:
+        """Let these images iterate until they meet another tolerance, whether they rested or not; all others rest."""
+        chosen = list(images)
+        if self._rested[chosen].any():
+            self._run.start_over(self.ordering.numbers_a_sweep)
+        self._tolerance = self._run.values["tolerance"] = _rounded_down(tolerance)
+        self._rested[:] = True
+        self._rested[chosen] = False
 
     def run(self, iterations: int) -> NDArray[np.float64]:
         """Iterate: four sweeps, the boundary renewed after each. Waits for the device once, at the end.
@@ -348,6 +354,12 @@ class Sweeper:
         except BaseException:
             self._device.queue.finish()
             raise
+
+
+def _rounded_down(tolerance: float) -> np.float32:
+    """The largest float32 that is no more, so that host and device agree on who has met it."""
+    rounded = np.float32(tolerance)
+    return np.nextafter(rounded, np.float32(0.0)) if rounded > tolerance else rounded
 
 
 def _boundary(

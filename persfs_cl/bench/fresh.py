@@ -78,6 +78,7 @@ def _seconds(size: int, device: int, ordering: str, precision: Precision) -> flo
         device=device,
         ordering=ordering,
         precision=precision,
+        scheme="lax-friedrichs",
         max_iterations=_ITERATIONS,
         tolerance=0.0,
     )

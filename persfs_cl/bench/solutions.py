@@ -46,7 +46,7 @@ Solver = Callable[[], Outcome]
 def small_image(plan: Plan) -> Iterator[list[Record]]:
     """The paper's vase of 100 × 100 pixels and its 30 iterations, from call to return."""
     scene = ps.vase()
-    exactly = {"max_iterations": _VASE_ITERATIONS, "tolerance": 0.0}
+    exactly = {"scheme": LaxFriedrichs.name, "max_iterations": _VASE_ITERATIONS, "tolerance": 0.0}
     solvers: dict[str, Solver] = {
         ordering: partial(_reconstruct, plan, scene, ordering, **exactly) for ordering in plan.orderings
     }
@@ -69,7 +69,7 @@ def solutions(plan: Plan) -> Iterator[list[Record]]:
             solvers[Upwind.name] = partial(_reconstruct, plan, scene, "wavefront", scheme=Upwind.name)
         if LaxFriedrichs.name in schemes and size <= plan.size(_LARGEST_LAX_FRIEDRICHS):
             solvers |= {
-                ordering: partial(_reconstruct, plan, scene, ordering)
+                ordering: partial(_reconstruct, plan, scene, ordering, scheme=LaxFriedrichs.name)
                 for ordering in plan.orderings
                 if ordering != "lexicographic"
             }

@@ -12,8 +12,12 @@ from datetime import timedelta
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from persfs_cl.choices import Stopping
 
-def remaining_iterations(changes: Sequence[float], tolerance: float, max_iterations: int) -> int:
+
+def remaining_iterations(
+    changes: Sequence[float], tolerance: float, max_iterations: int, stopping: Stopping = "distance"
+) -> int:
     """How many iterations are left, if the changes go on to shrink as they did over the latter half of them.
 
     Parameters
@@ -21,8 +25,10 @@ def remaining_iterations(changes: Sequence[float], tolerance: float, max_iterati
     changes : sequence of float
         max |ΔZ| of every iteration so far, at least one.
     tolerance : float
-        The change at which the run ends.
+        At which the run ends.
     max_iterations : int
+    stopping : {"distance", "change"}
+        Whether it is for the distance from the limit or for the change of an iteration.
 
     Returns
     -------
@@ -37,11 +43,14 @@ def remaining_iterations(changes: Sequence[float], tolerance: float, max_iterati
     decay = math.log(changes[middle] / changes[-1]) / (done - 1 - middle)
     if decay <= 0:
         return left
-    return min(left, max(0, math.ceil(math.log(changes[-1] / tolerance) / decay)))
+    measure = changes[-1] / math.expm1(decay) if stopping == "distance" else changes[-1]
+    return min(left, max(0, math.ceil(math.log(max(measure / tolerance, 1.0)) / decay)))
 
 
 @contextmanager
-def progress_line(tolerance: float, max_iterations: int) -> Iterator[Callable[[int, float], None]]:
+def progress_line(
+    tolerance: float, max_iterations: int, stopping: Stopping = "distance"
+) -> Iterator[Callable[[int, float], None]]:
     """A line on standard error with iteration, change and time left; nothing when that is not a terminal.
 
     Yields
@@ -64,7 +73,7 @@ def progress_line(tolerance: float, max_iterations: int) -> Iterator[Callable[[i
             if iteration == 1:  # which took longer: kernels may have been compiled
                 began = time.perf_counter()
                 return
-            rest = remaining_iterations(changes, tolerance, max_iterations)
+            rest = remaining_iterations(changes, tolerance, max_iterations, stopping)
             seconds = rest * (time.perf_counter() - began) / (iteration - 1)
             line.update(
                 task,

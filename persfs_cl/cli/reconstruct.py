@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -108,8 +109,8 @@ def reconstruct(
         keywords=keywords,
     )
     check_folder(output, overwrite=overwrite)
-    tolerance, max_iterations = keywords["tolerance"], keywords["max_iterations"]
-    with stop_on_interrupt() as interrupted, progress_line(tolerance, max_iterations) as show:
+    line = progress_line(keywords["tolerance"], keywords["max_iterations"], keywords["stopping"])
+    with stop_on_interrupt() as interrupted, line as show:
 
         def after_iteration(iteration: int, change: float) -> bool:
             show(iteration, change)
@@ -146,6 +147,13 @@ def _listed(saving: Saving) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]} are" if len(names) > 1 else f"{names[0]} is"
 
 
+def _distance(distance: float) -> str:
+    """How far the depth is from what further iterations would come to, in words."""
+    if math.isnan(distance):
+        return ""
+    return f"By the rate of the last iterations, further ones would change the depth by up to {100 * distance:.1g} %.\n"
+
+
 def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
@@ -162,6 +170,7 @@ def _summary(result: PhotoSolution) -> str:
     text = (
         f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
+        f"{_distance(solution.distance)}"
         f"Focal length {solution.camera.fx:.6g} pixels, by {told_by}: {camera['horizontal_view']:.3g} degrees "
         "from left to right.\n"
         "Re-rendered, the surface differs, in grey levels (0 to 255),\n"

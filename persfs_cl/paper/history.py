@@ -20,6 +20,9 @@ from persfs_cl.solver.reconstruct import reconstruct
 Measure = Callable[[Array], Errors]
 """Tells the errors of a depth map."""
 
+PAPERS_OWN: dict[str, Any] = {"scheme": "lax-friedrichs", "stopping": "change"}
+"""What the paper's method is, as keywords of :func:`persfs_cl.reconstruct`."""
+
 
 @dataclass(frozen=True)
 class History:
@@ -78,11 +81,12 @@ def sweeping(
     repeats : int
         Each time is the median of so many, after one run that is not timed; 0 measures none.
     **keywords
-        As for :func:`persfs_cl.reconstruct`.
+        As for :func:`persfs_cl.reconstruct`; those not given are the paper's.
     """
     errors, times = [], []
     for number in iterations:
-        run = partial(reconstruct, image, camera, max_iterations=number, tolerance=0.0, **keywords)
+        options = {**PAPERS_OWN, **keywords, "max_iterations": number, "tolerance": 0.0}
+        run = partial(reconstruct, image, camera, **options)
         depth = run().depth
         errors.append(measure(depth))
         times.append([_seconds(run) for _ in range(repeats)])

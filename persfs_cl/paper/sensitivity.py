@@ -14,7 +14,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures
-from persfs_cl.paper.history import History, followed, marching, sweeping, told
+from persfs_cl.paper.history import PAPERS_OWN, History, followed, marching, sweeping, told
 from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
@@ -75,7 +75,7 @@ class Variation:
         """ME of the project's own sweeps once they have converged; None for a reading."""
         if self.reading is not None:
             return None
-        keywords = {"device": plan.device, **told(self.scene), **self.keywords}
+        keywords = {"device": plan.device, **PAPERS_OWN, **told(self.scene), **self.keywords}
         return self.measured(reconstruct(self.scene.image, self.scene.camera, **keywords).depth).mean
 
     def tankus(self) -> History | None:
@@ -169,7 +169,9 @@ def _stopping(plan: Plan) -> Table:
     """When the run comes to rest, and with what errors."""
     scene, rows = vase(), []
     for threshold in _THRESHOLDS:
-        solution = reconstruct(scene.image, scene.camera, tolerance=threshold, device=plan.device, **told(scene))
+        solution = reconstruct(
+            scene.image, scene.camera, tolerance=threshold, device=plan.device, **PAPERS_OWN, **told(scene)
+        )
         errors = _range_errors(scene, solution.depth)
         stopped = (f"{threshold:.5f}".rstrip("0"), str(solution.iterations))
         rows.append((*stopped, f"{errors.mean:.4f}", f"{errors.root_mean_square:.4f}"))

@@ -26,7 +26,7 @@ from persfs_cl.io.photos import Encoding, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.metrics import Errors, compare
 from persfs_cl.paper import figures, printed
-from persfs_cl.paper.history import marching, sweeping
+from persfs_cl.paper.history import PAPERS_OWN, marching, sweeping
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_tables, time_table
@@ -169,11 +169,11 @@ def _readings(plan: Plan) -> Table:
     for name, (image, camera, surface, solved) in readings.items():
         measure = partial(measured, image, camera, plan.device)
         settings: dict[str, Any] = {**outline_at_1(solved), "surface": surface}
-        here = {"device": plan.device, **settings}
+        here = {**PAPERS_OWN, "device": plan.device, **settings}
         found = [
             sweeping(image, camera, measure, _LAST, **here).history.mean[0],
             measure(reconstruct(image, camera, **here).depth).mean,
-            measure(reconstruct(image, camera, scheme="upwind", **here).depth).mean,
+            measure(reconstruct(image, camera, **{**here, "scheme": "upwind"}).depth).mean,
             marching(image, camera, measure, _LAST, **settings).history.mean[0],
         ]
         rows.append((name, *(f"{error:.2f}" for error in found)))

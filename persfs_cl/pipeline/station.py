@@ -148,7 +148,8 @@ class Station:
         self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
         self._put, self._solutions = put, solutions
         light, reflectance = options["light"], options["reflectance"]
-        self._in_rounds = scheme_for(options["scheme"], light, reflectance).model(light, reflectance).in_rounds
+        scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
+        self._in_rounds = scheme.model(light, reflectance).in_rounds
         self._room = Room(memory)
         self._inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._ready: deque[_Work] = deque()

@@ -169,8 +169,8 @@ class FlashLight(Light):
             self, reflectance, kernels, ("climb", "upwind_off_axis"), in_rounds=not reflectance.perfectly_matt
         )
 
-    def prefers_upwind(self, reflectance: Reflectance) -> bool:
-        """Where there is one."""
+    def has_upwind(self, reflectance: Reflectance) -> bool:
+        """See :meth:`Light.has_upwind`: for materials of which a brightness belongs to one angle."""
         return reflectance.monotone
 
     def brightness(

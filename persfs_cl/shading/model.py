@@ -87,8 +87,8 @@ class Light(ABC):
         """
 
     @abstractmethod
-    def prefers_upwind(self, reflectance: Reflectance) -> bool:
-        """Whether ``scheme="auto"`` is the upwind scheme for a material in this light."""
+    def has_upwind(self, reflectance: Reflectance) -> bool:
+        """Whether there is an upwind scheme for a material in this light."""
 
     @abstractmethod
     def brightness(

@@ -101,7 +101,7 @@ class ParallelLight(Light):
 
     def upwind_model(self, reflectance: Reflectance) -> Model:
         """See :meth:`Light.upwind_model`: for perfectly matt materials."""
-        if not reflectance.perfectly_matt:
+        if not self.has_upwind(reflectance):
             raise InputError.about(
                 "scheme",
                 "upwind",
@@ -110,9 +110,9 @@ class ParallelLight(Light):
             )
         return LevelCosineModel(self, reflectance, ("light_cone", "parallel_light"), ("climb", "upwind"))
 
-    def prefers_upwind(self, reflectance: Reflectance) -> bool:
-        """Never: the paper's scheme."""
-        return False
+    def has_upwind(self, reflectance: Reflectance) -> bool:
+        """See :meth:`Light.has_upwind`: for perfectly matt materials."""
+        return reflectance.perfectly_matt
 
     def brightness(
         self, log_depth: ArrayLike, p: ArrayLike, q: ArrayLike, x: ArrayLike, y: ArrayLike, reflectance: Reflectance

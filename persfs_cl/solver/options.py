@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypedDict, TypeVar, cast, get_args, get_origi
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl.checks import as_flag, as_number, as_whole_number, check_choice, finite_number
-from persfs_cl.choices import Boundary, Precision, Surface
+from persfs_cl.choices import Boundary, Precision, Stopping, Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.lights import require_light
@@ -116,6 +116,7 @@ def _orderings() -> Sequence[str]:
 
 _IS_SURFACE, _SURFACES = _words(Surface)
 _IS_BOUNDARY, _BOUNDARIES = _words(Boundary)
+_IS_STOPPING, _STOPPINGS = _words(Stopping)
 _IS_PRECISION, _PRECISIONS = _words(Precision)
 
 
@@ -154,8 +155,8 @@ class Options(TypedDict, total=False):
         Option(
             AUTO,
             _one_of(_schemes),
-            "lax-friedrichs is the paper's, upwind sharper and faster. auto: the paper's under a parallel light, "
-            "upwind under a flash where the material permits it.",
+            "lax-friedrichs is the paper's, upwind sharper and faster. auto: upwind where the material permits it, and "
+            "the boundary.",
             choices=_schemes,
         ),
     ]
@@ -171,7 +172,19 @@ class Options(TypedDict, total=False):
         ),
     ]
     max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.")]
-    tolerance: Annotated[float, Option(1e-5, _tolerance, "Ends when ln depth changes by no more in an iteration.")]
+    tolerance: Annotated[
+        float, Option(1e-5, _tolerance, "Ends when ln depth is estimated to be no farther than this from its limit.")
+    ]
+    stopping: Annotated[
+        Stopping,
+        Option(
+            "distance",
+            _IS_STOPPING,
+            "What the tolerance bounds: the estimated distance from the limit, or, as in the paper, only the change of "
+            "an iteration.",
+            choices=_STOPPINGS,
+        ),
+    ]
     max_slope: Annotated[
         float | None,
         Option(
@@ -225,8 +238,9 @@ def complete(given: Options) -> Options:
         "Options",
         {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},
     )
-    light, scheme = options["light"], scheme_for(options["scheme"], options["light"], options["reflectance"])
-    scheme.model(light, options["reflectance"])
+    light, reflectance = options["light"], options["reflectance"]
+    scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
+    scheme.model(light, reflectance)
     boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
     if boundary not in scheme.boundaries:
         raise InputError.about(

@@ -81,8 +81,9 @@ def reconstruct(
         light, else "wall". The upwind scheme knows "wall" and "fixed" only: by its nature nothing flows in.
     scheme : {"auto", "lax-friedrichs", "upwind"}
         "lax-friedrichs" is the paper's: it takes any Hamiltonian, smears, and needs many iterations. "upwind" solves
-        each cell exactly from the neighbours upwind: a few iterations, and several times less error. "auto" is the
-        paper's under a parallel light, and upwind under a flash where the material permits it.
+        each cell exactly from the neighbours upwind: a few iterations, and several times less error. "auto" is upwind
+        where it has the `boundary` and the material permits it, under a parallel light a perfectly matt one, under a
+        flash one that is brightest face on; else the paper's.
     ordering : {"wavefront", "checkerboard", "lexicographic"}
         Order of the cells in a sweep. "wavefront" gives the bits of "lexicographic", in parallel; "checkerboard" other
         iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under
@@ -94,8 +95,13 @@ def reconstruct(
     max_iterations : int
         Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them.
     tolerance : float
-        The run has converged when max |ΔZ| over an iteration is at most this; Z = ln z, so 1e-5 is a relative change of
-        depth of 0.001 % somewhere. It bounds the last step, not the error. 0 iterates until nothing changes.
+        The run has converged when Z is at most this from its limit, as far as the rate tells at which its changes
+        shrink, see :attr:`Solution.distance`; or when nothing changes any more, down to the last bit. Z = ln z, so 1e-5
+        is 0.001 % of the depth. It bounds what further iterations would change, not the error of the scheme. 0 iterates
+        until nothing changes.
+    stopping : {"distance", "change"}
+        What the tolerance bounds: that distance or, as in the paper, max |ΔZ| over an iteration, which may be hundreds
+        of times less.
     max_slope : float, optional
         Bound on |dZ/dx| and |dZ/dy| between neighbouring pixels, along which Z climbs. It matters where the equation
         itself sets none, see `Solution.clamped`, and where the surface is steeper still. 30, a surface seen at 2° from
@@ -169,7 +175,7 @@ def reconstruct_batch(
         not converged; returning True stops these, and all that have not begun.
     light, reflectance, surface, boundary, scheme, ordering, accuracy_order
         As for :func:`reconstruct`, the same for all images.
-    max_iterations, tolerance, max_slope, device, precision, throw
+    max_iterations, tolerance, stopping, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
 
     Returns
@@ -275,9 +281,14 @@ def _entries(name: str, given: Any) -> list[Any]:
 
 def _require_convergence(solution: Solution, which: str, tolerance: float) -> None:
     if solution.status is not Status.CONVERGED:
-        change = solution.changes[-1]
-        # Not so where a round of the lamp, or of the second order, was still to come.
-        still = f": max |ΔZ| is still {change:.3g}, above the tolerance {tolerance:g}" if change > tolerance else ""
+        change, distance = solution.changes[-1], solution.distance
+        # Neither where a round of the lamp, or of the second order, was still to come.
+        if change > tolerance:
+            still = f": max |ΔZ| is still {change:.3g}, above the tolerance {tolerance:g}"
+        elif distance > tolerance:
+            still = f": Z is still about {distance:.3g} from its limit, above the tolerance {tolerance:g}"
+        else:
+            still = ""
         raise ConvergenceError(
             f"{which}Not converged after {solution.iterations} iterations{still}. {solution.status.value}", solution
         )

@@ -7,6 +7,7 @@ which the image is corrected and solved again, until the surface stays.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,7 +52,7 @@ def solve_corrected(
     """Correct the images by the surfaces that a run found, and solve again, until that changes little.
 
     `surfaces` becomes that of the last rounds; `run` gets the statuses of an image's last round, and the changes of all
-    rounds. `numbers` are those of the images that warnings concern.
+    rounds, but no distances. `numbers` are those of the images that warnings concern.
 
     Returns
     -------
@@ -64,6 +65,8 @@ def solve_corrected(
         When the surface does not settle, or part of it turns its back to the lamp.
     """
     rounds = [1] * len(problems)
+    # That of a round is not that of the rounds.
+    run.distances = [math.nan] * len(problems)
     active = list(range(len(problems)))
     while active:
         if watch and watch.stopped:

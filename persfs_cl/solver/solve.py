@@ -123,6 +123,7 @@ def finish(device: Device, attempted: Attempt, options: Options) -> list[Finishe
             iterations=len(run.changes[place]),
             changes=np.array(run.changes[place]),
             status=run.statuses[place],
+            distance=run.distances[place],
             elapsed=elapsed,
             device=device,
             image=problem.photograph,

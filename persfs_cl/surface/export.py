@@ -46,7 +46,7 @@ def unit_of(surface: SolvedSurface) -> str:
 
 
 def drawings(
-    surface: SolvedSurface, derived: Derived, changes: Array, tolerance: float
+    surface: SolvedSurface, derived: Derived, changes: Array, tolerance: float, distance: float
 ) -> dict[str, Callable[[Path], None]]:
     """The pictures of a surface: by the file's name, what draws to a path.
 
@@ -59,6 +59,8 @@ def drawings(
         max |ΔZ| over each iteration.
     tolerance : float
         Which ends the iteration.
+    distance : float
+        From the limit, as estimated.
     """
     unit, white = unit_of(surface), surface.white
     return {
@@ -81,7 +83,7 @@ def drawings(
         "confidence.png": lambda path: pictures.confidence_picture(
             path, derived.confidence.slope_error, derived.confidence.unreliable
         ),
-        "convergence.png": lambda path: pictures.convergence_picture(path, changes, tolerance),
+        "convergence.png": lambda path: pictures.convergence_picture(path, changes, tolerance, distance=distance),
     }
 
 

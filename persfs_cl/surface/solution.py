@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -35,7 +36,7 @@ class Status(enum.Enum):
     True
     """
 
-    CONVERGED = "The largest change over an iteration is at most the tolerance."
+    CONVERGED = "The tolerance is met, or nothing changes any more."
     MAX_ITERATIONS = (
         "The iterations ran out before the tolerance was met: allow more of them, or accept a larger tolerance; "
         "where an off-axis lamp takes rounds, have it nearer to the camera."
@@ -88,6 +89,10 @@ class Solution(SolvedSurface):
     changes : ndarray of float64, shape (iterations,)
         max |ΔZ| over each iteration.
     status : Status
+    distance : float
+        Estimate of max |Z - limit|, the limit being where the iteration leads: from the rate at which the changes
+        shrink, within a factor of 2 where they do so steadily, and above what rounding leaves. NaN where the changes do
+        not shrink, and after the rounds of an off-axis lamp.
     elapsed : Elapsed
     parameters : mapping
         The remaining keywords, with "auto" resolved.
@@ -106,6 +111,7 @@ class Solution(SolvedSurface):
     iterations: int
     changes: Array
     status: Status
+    distance: float
     elapsed: Elapsed
     parameters: Mapping[str, Any]
 
@@ -272,7 +278,7 @@ def write_files(
     if "report.json" in saving.files:
         write_json(folder / "report.json", report_of(solution, derived), report)
         written.append("report.json")
-    possible = drawings(solution, derived, solution.changes, solution.parameters["tolerance"])
+    possible = drawings(solution, derived, solution.changes, solution.parameters["tolerance"], solution.distance)
     written += draw_all(folder, {file: possible[file] for file in saving.files if file in possible})
     derived.release()
     if saving.meshes:
@@ -291,6 +297,7 @@ def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:
         "meaning": solution.status.value,
         "iterations": solution.iterations,
         "changes": solution.changes.tolist(),
+        "distance": None if math.isnan(solution.distance) else solution.distance,
         "pixels": {
             "all": solution.depth.size,
             "solved": int(solution.solved.sum()),

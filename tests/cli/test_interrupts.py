@@ -230,5 +230,8 @@ def test_remaining_iterations() -> None:
     assert remaining_iterations(halves, 2.0**-30, 1000) == 20
     assert remaining_iterations(halves, 2.0**-30, 15) == 4
     assert remaining_iterations(halves, 2.0**-9, 1000) == 0
+    slow = [0.9**k for k in range(11)]
+    assert remaining_iterations(slow, 0.9**30, 1000, "change") == 20
+    assert remaining_iterations(slow, 9.1 * 0.9**30, 1000, "distance") == 20
     for changes, tolerance in (([1.0], 0.1), (halves, 0.0), ([1.0, 2.0], 0.1), ([1.0, 0.0], 0.1)):
         assert remaining_iterations(changes, tolerance, 100) == 100 - len(changes)

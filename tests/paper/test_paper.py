@@ -20,7 +20,7 @@ from persfs_cl.colour import encode_srgb
 from persfs_cl.page import filled, marked
 from persfs_cl.paper import fast_marching, printed, sensitivity, statue
 from persfs_cl.paper.experiments import EXPERIMENTS
-from persfs_cl.paper.history import told
+from persfs_cl.paper.history import PAPERS_OWN, told
 from persfs_cl.paper.literal import Reading, iterates, with_minus
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
@@ -157,7 +157,7 @@ def test_the_image_by_flash_is_in_the_grey_levels_of_the_photograph(device: Devi
 
 def test_a_reading_without_changes_comes_to_rest_where_the_solver_does(device: Device) -> None:
     scene = ps.bump((24, 24))
-    solution = ps.reconstruct(scene.image, scene.camera, device=device, tolerance=1e-7, **told(scene))
+    solution = ps.reconstruct(scene.image, scene.camera, device=device, tolerance=1e-7, **PAPERS_OWN, **told(scene))
     *_, last = itertools.islice(iterates(scene, Reading(1.0), device), solution.iterations + 20)
     np.testing.assert_allclose(last, solution.depth, rtol=1e-5)
 

@@ -224,7 +224,7 @@ def test_a_pixel_without_neighbours_faces_the_camera() -> None:
         ({"surface": "toward"}, "surface='toward' under a flash"),
         ({"boundary": "extrapolate"}, "boundary='extrapolate'"),
         ({"boundary": "extrapolate", "scheme": "lax-friedrichs"}, "boundary='extrapolate' under a flash"),
-        ({"boundary": "outflow"}, "boundary='outflow' with scheme='upwind'"),
+        ({"boundary": "outflow", "scheme": "upwind"}, "boundary='outflow' with scheme='upwind'"),
     ],
 )
 def test_what_makes_no_sense_is_refused(keywords: dict[str, Any], message: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ import persfs_cl as ps
 from persfs_cl.choices import Precision, Surface
 from persfs_cl.masks import steps_from
 from persfs_cl.scenes.scene import Scene
+from persfs_cl.solver.options import Options, complete
 
 FRONTAL, OBLIQUE = ps.ParallelLight(), ps.ParallelLight(0.15, -0.1)
 MAX_SLOPE = 5.0
@@ -178,3 +179,22 @@ def test_the_boundaries_of_lax_friedrichs_are_refused(boundary: str) -> None:
 def test_a_light_that_some_pixels_look_into_is_refused() -> None:
     with pytest.raises(ps.InputError, match="look into the light"):
         ps.reconstruct(BUMP, ps.Camera(33.0), light=ps.ParallelLight(2.5, 0.0), scheme="upwind")
+
+
+def test_auto_is_upwind_wherever_there_is_one() -> None:
+    """With its own boundary; else the paper's scheme, with which eq. (12) goes under a parallel light."""
+    cases: list[tuple[dict[str, Any], tuple[str, str]]] = [
+        ({}, ("upwind", "wall")),
+        ({"boundary": "fixed"}, ("upwind", "fixed")),
+        ({"light": ps.ParallelLight(0.3, 0.1)}, ("upwind", "wall")),
+        ({"light": ps.FlashLight()}, ("upwind", "wall")),
+        ({"light": ps.FlashLight(), "reflectance": ps.OrenNayar(0.9)}, ("lax-friedrichs", "wall")),
+        ({"reflectance": ps.Phong()}, ("lax-friedrichs", "outflow")),
+        ({"reflectance": ps.OrenNayar(0.3)}, ("lax-friedrichs", "outflow")),
+        ({"boundary": "outflow"}, ("lax-friedrichs", "outflow")),
+        ({"boundary": "extrapolate"}, ("lax-friedrichs", "extrapolate")),
+        ({"scheme": "lax-friedrichs"}, ("lax-friedrichs", "outflow")),
+    ]
+    for given, expected in cases:
+        options = complete(cast("Options", given))
+        assert (options["scheme"], options["boundary"]) == expected

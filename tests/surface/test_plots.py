@@ -263,6 +263,14 @@ def test_convergence_is_logarithmic_and_shows_a_change_of_zero(tolerance: float,
     assert axes.get_ylim()[0] < min(level for level in (*HISTORY, tolerance) if level > 0)
 
 
+def test_the_distance_stands_by_the_last_change(tmp_path: Path, drawn: Drawn) -> None:
+    plots.convergence_picture(tmp_path / "convergence.png", HISTORY[:3], 1e-3, distance=10.0 * HISTORY[0])
+    axes = drawn[0].axes[0]
+    diamonds = [line for line in axes.lines if line.get_marker() == "D"]
+    assert [(line.get_xdata().tolist(), line.get_ydata().tolist()) for line in diamonds] == [([3], [10.0 * HISTORY[0]])]
+    assert axes.get_ylim()[1] > 10.0 * HISTORY[0]
+
+
 def test_the_start_value_does_not_squeeze_the_curve(tmp_path: Path, drawn: Drawn) -> None:
     plots.convergence_picture(tmp_path / "convergence.png", [3e4, 0.5, 0.01], 1e-3)
     axes = drawn[0].axes[0]

@@ -79,8 +79,8 @@ def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
     assert report["iterations"] == len(report["changes"]) == solution.iterations
     pixels = {"all": 2000, "solved": 1960, "unreached": 0, "clamped": 0, "walls": 0, "walls_solved": 0}
     assert report["pixels"] == pixels
-    assert report["parameters"]["scheme"] == "lax-friedrichs"
-    assert report["parameters"]["boundary"] == "outflow"
+    assert report["parameters"]["scheme"] == "upwind"
+    assert report["parameters"]["boundary"] == "wall"
     assert report["parameters"]["light"] == {"kind": "ParallelLight", "p0": 0.0, "q0": 0.0}
     assert report["device"]["name"] == solution.device.name
     assert report["versions"]["persfs-cl"] == ps.__version__

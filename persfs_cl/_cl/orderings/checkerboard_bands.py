@@ -41,6 +41,7 @@ class CheckerboardBands(Ordering):
     numbers_a_cell: ClassVar[int] = 4
     reason: ClassVar[str] = "The processors take bands of rows that fit into their caches, in vectors."
     sweeps_together: ClassVar[bool] = True
+    numbers_a_sweep: ClassVar[int] = 2
 
     band_rows: int = 1
     work_groups: int = 1
@@ -67,7 +68,7 @@ class CheckerboardBands(Ordering):
     def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
         """Of segments of bands, see the kernel."""
         if not self.rests:
-            return np.zeros(1, np.int32)
+            return np.zeros((len(images), 1), np.int32)
         swept = swept_of(images)
         layout = self.layout(swept.shape[1:])
         half = layout.stride // 2 - max(self.lanes, 4)

@@ -91,6 +91,8 @@ class Ordering:
         Numbers that a sweep must move for each cell: it reads Z and E and writes Z.
     corrections : int
         Iterations of second order that may be wanted for each of first order.
+    numbers_a_sweep : int
+        By which a sweep is counted in its account of changes, see :meth:`last_changes`.
     lanes : int
         Cells that a work-item updates at once: see kernels/shared/prelude.cl.
     second_order : bool
@@ -115,6 +117,7 @@ class Ordering:
     serial: ClassVar[bool] = False
     numbers_a_cell: ClassVar[int] = 3
     corrections: ClassVar[int] = 2
+    numbers_a_sweep: ClassVar[int] = 1
 
     lanes: int = 1
     second_order: bool = False

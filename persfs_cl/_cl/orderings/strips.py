@@ -54,7 +54,7 @@ class Strips(Ordering):
     def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
         """Of tiles, see kernels/shared/tiles.cl."""
         if not self.rests:
-            return np.zeros(1, np.int32)
+            return np.zeros((len(images), 1), np.int32)
         side, swept = self.lanes, swept_of(images)
         count, height, width = swept.shape
         whole = np.pad(swept, ((0, 0), (0, -height % side), (0, -width % side)))

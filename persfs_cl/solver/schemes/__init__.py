@@ -15,8 +15,8 @@ SCHEMES: dict[str, Scheme] = {scheme.name: scheme for scheme in (LaxFriedrichs()
 AUTO = "auto"
 
 
-def scheme_for(name: str, light: Light, reflectance: Reflectance) -> Scheme:
-    """The scheme of a name, "auto" resolved: upwind where the light prefers it, else the paper's.
+def scheme_for(name: str, light: Light, reflectance: Reflectance, boundary: str = AUTO) -> Scheme:
+    """The scheme of a name, "auto" resolved: upwind where there is one, and it has the boundary, else the paper's.
 
     Raises
     ------
@@ -24,6 +24,7 @@ def scheme_for(name: str, light: Light, reflectance: Reflectance) -> Scheme:
         When there is none of that name.
     """
     if name == AUTO:
-        return SCHEMES[Upwind.name if light.prefers_upwind(reflectance) else LaxFriedrichs.name]
+        fits = light.has_upwind(reflectance) and boundary in (AUTO, *Upwind.boundaries)
+        return SCHEMES[Upwind.name if fits else LaxFriedrichs.name]
     check_choice("scheme", name, (AUTO, *SCHEMES))
     return SCHEMES[name]

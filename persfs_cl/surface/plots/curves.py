@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +20,9 @@ if TYPE_CHECKING:
 _STEEPEST_CHANGE = 10.0
 
 
-def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, title: str = "Convergence") -> None:
+def convergence_picture(
+    path: FilePath, changes: ArrayLike, tolerance: float, title: str = "Convergence", *, distance: float = math.nan
+) -> None:
     """Draw the change of every iteration on a logarithmic axis, with the tolerance.
 
     Parameters
@@ -29,8 +33,10 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
         max |ΔZ| of each iteration, finite and >= 0. A change of exactly 0 is drawn as a triangle at the foot,
         and one above 10, which only the start value explains, at the top when others are below.
     tolerance : float
-        The change at which the iteration stops, >= 0; drawn as a line unless it is 0.
+        What the iteration stops at, >= 0; drawn as a line unless it is 0.
     title : str
+    distance : float
+        Estimated distance from the limit after the last iteration, drawn as a diamond unless it is 0 or NaN.
 
     Raises
     ------
@@ -63,6 +69,8 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
         axes.semilogy(iterations[moved], values[moved], color="#31688e", marker="o", markersize=3.5, label="change")
         if tolerance > 0:
             axes.axhline(tolerance, color="#c44e52", linestyle="--", label=f"tolerance {tolerance:g}")
+        if distance > 0:
+            axes.plot(values.size, distance, color="#c44e52", marker="D", linestyle="none", label="distance from limit")
         if not moved.all():
             axes.plot(
                 iterations[~moved],
@@ -75,21 +83,21 @@ def convergence_picture(path: FilePath, changes: ArrayLike, tolerance: float, ti
             )
         axes.set(title=title, xlabel="iteration (four sweeps)", ylabel="change of ln depth, max |ΔZ|")
         axes.locator_params(axis="x", integer=True, min_n_ticks=1)
-        _limit_changes(axes, values, tolerance)
+        _limit_changes(axes, values, [mark for mark in (tolerance, distance) if mark > 0])
         axes.grid(which="major", color="0.9")
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend()
 
 
-def _limit_changes(axes: Axes, changes: Array, tolerance: float) -> None:
+def _limit_changes(axes: Axes, changes: Array, marks: Sequence[float]) -> None:
     """Fit the axis to the iterations proper; the first ones come down from a start value as high as you like."""
     positive = changes[changes > 0]
-    bottom = min((*positive, *([tolerance] if tolerance > 0 else [])), default=1.0)
+    bottom = min((*positive, *marks), default=1.0)
     # No surface is a factor e^10 deeper than its known values, but each pixel adds a step to the start value.
     proper = positive[positive <= _STEEPEST_CHANGE]
     high = np.flatnonzero(changes > _STEEPEST_CHANGE)
-    top = max((*proper, tolerance), default=1.0) if proper.size else positive.max(initial=1.0)
+    top = max(*proper, *marks, 0.0) if proper.size else positive.max(initial=1.0)
     axes.set_ylim(bottom / (3 if (changes > 0).all() else 10), 3 * top)
     if proper.size and high.size:
         axes.plot(
