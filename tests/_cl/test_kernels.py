@@ -381,6 +381,30 @@ def test_what_rests_has_the_bits_of_what_is_swept_again(
         np.testing.assert_array_equal(records[0][1], records[1][1])
 
 
+@pytest.mark.parametrize("ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1]], ids=lambda ordering: ordering.file)
+def test_what_rests_has_the_bits_of_what_is_swept_again_when_images_go_on(device: Device, ordering: Ordering) -> None:
+    """At a lower tolerance, each from where it had come to rest, early or late."""
+    problems = [random_problem(seed, (40, 45), boundary="wall", **SETUPS["upwind flash"]) for seed in range(3)]
+    results = []
+    for rests in (True, False):
+        kernel = Sweeper(
+            device,
+            [problem.kernel_arguments for problem in problems],
+            model=problems[0].kernels,
+            ordering=replace(fitted(ordering, device, "float32"), rests=rests),
+            precision="float32",
+            tolerance=1e-2,
+        )
+        record = [kernel.run(8)]
+        for images, tolerance in (([0], 1e-3), ([1, 2], 1e-3), ([0, 1, 2], 0.0)):
+            kernel.go_on(images, tolerance)
+            record.append(kernel.run(12))
+        results.append((np.concatenate(record), kernel.log_depth()))
+    np.testing.assert_array_equal(results[0][0], results[1][0])
+    np.testing.assert_array_equal(results[0][1], results[1][1])
+    assert (results[0][0][-12:] > 0.0).any()
+
+
 @pytest.mark.parametrize("rests", [True, False])
 @pytest.mark.parametrize("ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1]], ids=lambda ordering: ordering.file)
 def test_what_has_come_to_rest_is_left_alone(device: Device, ordering: Ordering, rests: bool) -> None:
