@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 import persfs_cl as ps
 from persfs_cl import blocks
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks, row_blocks
 from persfs_cl.masks import Neighbours
 
 
@@ -17,6 +19,36 @@ from persfs_cl.masks import Neighbours
 def test_blocks_cover_all_rows_in_their_order(height: int, width: int) -> None:
     rows = np.concatenate([np.arange(height)[block] for block in row_blocks((height, width))])
     np.testing.assert_array_equal(rows, np.arange(height))
+
+
+@pytest.mark.parametrize("cores", [1, 3])
+@pytest.mark.parametrize("height", [1, 23, 900])
+def test_all_rows_are_worked_on_once_by_one_thread_or_several(
+    height: int, cores: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blocks, "_PIXELS", 2**10)
+    monkeypatch.setattr(blocks, "usable_cores", lambda: cores)
+    counts = np.zeros((height, 100), int)
+    threads = set()
+
+    def work(rows: slice) -> None:
+        counts[rows] += 1
+        threads.add(threading.get_ident())
+
+    in_row_blocks(work, counts.shape)
+    assert (counts == 1).all()
+    assert (threads == {threading.get_ident()}) == (cores == 1 or height < 900)
+
+
+def test_what_a_thread_raises_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "usable_cores", lambda: 2)
+
+    def work(rows: slice) -> None:
+        if rows.start > 500:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        in_row_blocks(work, (1000, 1000))
 
 
 @given(st.integers(0, 10_000), st.integers(1, 9), st.integers(1, 9), st.integers(0, 8), st.integers(1, 9))

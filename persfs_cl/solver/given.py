@@ -231,7 +231,7 @@ def check(
 
 
 def _copied(image: NDArray[np.floating]) -> tuple[Array, bool]:
-    """A copy, since the solution stays what it is whatever becomes of the array; whether all may be brightness."""
+    """A copy, so that the solution stays what it is whatever the user does; and whether all of it may be brightness."""
     copy = np.empty(image.shape)
     usual = True
     # Longer types hold numbers that become infinite.

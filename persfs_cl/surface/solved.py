@@ -271,6 +271,8 @@ class Derived:
             raise InputError(f"photo has shape {given.shape}: give one of the image's shape {shape}.")
         if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
             raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
+        if np.array_equal(given, self.surface.image, equal_nan=True):
+            return self.prepared_residual
         return self._residual(given)
 
     def _residual(self, given: Array) -> metrics.Errors:
