@@ -393,16 +393,16 @@ def test_what_rests_has_the_bits_of_what_is_swept_again_when_images_go_on(device
             model=problems[0].kernels,
             ordering=replace(fitted(ordering, device, "float32"), rests=rests),
             precision="float32",
-            tolerance=1e-2,
+            tolerance=0.5,
         )
         record = [kernel.run(8)]
-        for images, tolerance in (([0], 1e-3), ([1, 2], 1e-3), ([0, 1, 2], 0.0)):
+        for images, tolerance in (([0], 0.1), ([1, 2], 0.1), ([0, 1, 2], 0.0)):
             kernel.go_on(images, tolerance)
             record.append(kernel.run(12))
         results.append((np.concatenate(record), kernel.log_depth()))
     np.testing.assert_array_equal(results[0][0], results[1][0])
     np.testing.assert_array_equal(results[0][1], results[1][1])
-    assert (results[0][0][8:] > 0.0).any()
+    assert (results[0][0][32:] > 0.0).any()
 
 
 @pytest.mark.parametrize("rests", [True, False])
