@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,13 +64,3 @@ class Image:
         flags = self.flags.ravel()[self.cells]
         steps = ((NO_LEFT, -1), (NO_RIGHT, 1), (NO_UP, -width), (NO_DOWN, width))
         return np.stack([np.where(flags & bit, NONE, self.cells + step) for bit, step in steps], axis=1)
-
-
-def swept_of(images: Sequence[Image]) -> NDArray[np.bool_]:
-    """Which pixels of images are swept, shape (images, height, width), False around those that are smaller."""
-    height, width = (max(lengths) for lengths in zip(*(image.flags.shape for image in images), strict=True))
-    swept = np.zeros((len(images), height, width), bool)
-    for image, inside in zip(images, swept, strict=True):
-        rows, columns = image.flags.shape
-        np.not_equal(image.flags & SWEPT, 0, out=inside[:rows, :columns])
-    return swept

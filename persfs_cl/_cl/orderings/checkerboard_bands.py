@@ -10,8 +10,9 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from persfs_cl._cl.image import Image, swept_of
+from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings.account import first_account
 from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, WORK_GROUP_OF_ONE, Ordering
 from persfs_cl._cl.run import Run
 
@@ -69,15 +70,16 @@ class CheckerboardBands(Ordering):
         """Of segments of bands, see the kernel."""
         if not self.rests:
             return np.zeros((len(images), 1), np.int32)
-        swept = swept_of(images)
-        layout = self.layout(swept.shape[1:])
-        half = layout.stride // 2 - max(self.lanes, 4)
-        wide = 2 * _SEGMENT * self.lanes
-        segments = -(-half // (_SEGMENT * self.lanes))
-        before, after = layout.first_column, segments * wide - layout.first_column - layout.width
-        whole = np.pad(swept, ((0, 0), (0, -layout.height % self.band_rows), (before, after)))
-        parts = whole.reshape(len(images), -1, self.band_rows, segments, wide).any(axis=(2, 4))
-        return np.pad(np.where(parts, _BEFORE, 0).astype(np.int32), ((0, 0), (1, 1), (1, 1)))
+        height, width = (max(lengths) for lengths in zip(*(image.flags.shape for image in images), strict=True))
+        layout = self.layout((height, width))
+        return first_account(
+            images,
+            (self.band_rows, 2 * _SEGMENT * self.lanes),
+            before=_BEFORE,
+            border=1,
+            first_column=layout.first_column,
+            last_column=layout.stride - 2 * max(self.lanes, 4),
+        )
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """One launch; the direction is of no consequence."""

@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl._cl.image import Image, swept_of
+from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings.account import first_account
 from persfs_cl._cl.orderings.ordering import Ordering
 
 _BEFORE, _BORDER = 4, 8
@@ -55,11 +56,7 @@ class Strips(Ordering):
         """Of tiles, see kernels/shared/tiles.cl."""
         if not self.rests:
             return np.zeros((len(images), 1), np.int32)
-        side, swept = self.lanes, swept_of(images)
-        count, height, width = swept.shape
-        whole = np.pad(swept, ((0, 0), (0, -height % side), (0, -width % side)))
-        tiles = whole.reshape(count, whole.shape[1] // side, side, -1, side).any(axis=(2, 4))
-        return np.pad(np.where(tiles, _BEFORE, 0).astype(np.int32), ((0, 0), (_BORDER, _BORDER), (_BORDER, _BORDER)))
+        return first_account(images, (self.lanes, self.lanes), before=_BEFORE, border=_BORDER)
 
     @property
     def counts_tiles(self) -> bool:

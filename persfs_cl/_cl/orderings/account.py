@@ -1,0 +1,50 @@
+"""What an ordering by which parts of an image rest begins with: which parts there are to sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl._cl.image import Image
+from persfs_cl.masks import SWEPT
+
+
+def first_account(
+    images: Sequence[Image],
+    part: tuple[int, int],
+    *,
+    before: int,
+    border: int,
+    first_column: int = 0,
+    last_column: int = 0,
+) -> NDArray[np.int32]:
+    """The numbers of the sweeps that changed the parts of images last, before the first one.
+
+    Parameters
+    ----------
+    images : sequence of Image
+    part : (int, int)
+        Rows and columns of a part.
+    before : int
+        The number of what came before the first sweep.
+    border : int
+        Parts around those of an image.
+    first_column, last_column : int
+        Columns that parts have before the images, and up to which they go at least.
+
+    Returns
+    -------
+    ndarray of int32, shape (images, rows, columns)
+        0 for parts in which nothing is swept, and around those of the image.
+    """
+    high, wide = part
+    height, width = (max(lengths) for lengths in zip(*(image.flags.shape for image in images), strict=True))
+    across = max(first_column + width, last_column)
+    swept = np.zeros((len(images), -(-height // high) * high, -(-across // wide) * wide), bool)
+    for image, inside in zip(images, swept, strict=True):
+        rows, columns = image.flags.shape
+        np.not_equal(image.flags & SWEPT, 0, out=inside[:rows, first_column : first_column + columns])
+    parts = swept.reshape(len(images), swept.shape[1] // high, high, -1, wide).any(axis=(2, 4))
+    return np.pad(np.where(parts, before, 0).astype(np.int32), ((0, 0), (border, border), (border, border)))
