@@ -25,7 +25,7 @@ def true_length(base: float, offset: float, slope: float, log_f: float) -> float
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if excess(base, offset, slope, log_f, middle) > 0.0 else (middle, high)
-    return 0.5 * (low + high)
+    return float(0.5 * (low + high))
 
 
 def by_quadratic(base: float, offset: float, slope: float, here: float, square: float) -> tuple[float, float, float]:
