@@ -104,7 +104,7 @@ def write_grey(
     levels = quantised(encode_srgb(values) if encoding == "srgb" else values, bits)
     # In memory first: imageio's writers print a traceback of their own when the disk is full.
     # A photograph's noise hardly gets smaller by more effort, which takes several times as long.
-    effort = {"compress_level": 1} if suffix == ".png" else {}
+    effort: dict[str, Any] = {"compress_level": 1} if suffix == ".png" else {}
     data = imageio.v3.imwrite("<bytes>", levels, extension=suffix, **effort)
     with atomic_path(target) as temporary:
         temporary.write_bytes(data)

@@ -146,7 +146,7 @@ def _means(values: Array, down: int, right: int) -> Array:
         rows, columns = (
             np.diff(np.r_[0:size:step, size]) for size, step in zip(values.shape, (down, right), strict=True)
         )
-        return of_blocks(np.add, values, down, right) / (rows[:, None] * columns)
+        return np.asarray(of_blocks(np.add, values, down, right) / (rows[:, None] * columns))
     total = of_blocks(np.add, np.where(there, values, 0.0), down, right)
     count = of_blocks(np.add, there.astype(np.float64), down, right)
     return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
