@@ -38,7 +38,7 @@ materials_take_turns = pytest.mark.quick_where(holds=materials_in_turn)
 
 
 def solve(scene: Scene, **keywords: Any) -> ps.Solution:
-    given = {"light": scene.light, "reflectance": scene.reflectance, "surface": scene.surface}
+    given: dict[str, Any] = {"light": scene.light, "reflectance": scene.reflectance, "surface": scene.surface}
     if isinstance(scene.light, ps.ParallelLight):
         given["scheme"] = "lax-friedrichs"
     return ps.reconstruct(scene.image, scene.camera, **{**given, "known_depth": scene.known_depth, **keywords})
