@@ -164,7 +164,11 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "albedo of another size": (("--albedo=small.png",), 1, ("small.png", "(5, 6)")),
     "black paint": (("--albedo=black.png",), 1, ("photo.png", "albedo")),
     "third order": (("--accuracy-order=3",), 2, ("--accuracy-order",)),
-    "second order of the paper's scheme": (("--accuracy-order=2",), 2, ("--accuracy-order 2", "Use --scheme upwind")),
+    "second order of the paper's scheme": (
+        ("--scheme=lax-friedrichs", "--accuracy-order=2"),
+        2,
+        ("--accuracy-order 2", "Use --scheme upwind"),
+    ),
     "unknown scheme": (("--scheme=best",), 2, ("best", "auto", "lax-friedrichs", "upwind")),
     "unknown option": (("--focus=3",), 2, ("--focus",)),
 }

@@ -20,6 +20,7 @@ from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve, solve_photo
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.preparation.normalise import normalise_linear
+from persfs_cl.solver.options import Options
 
 SCENE = ps.bump((16, 20))
 CAMERA = CameraChoice(20.0)
@@ -33,7 +34,8 @@ def photo(tmp_path: Path) -> Path:
 
 
 def test_the_steps_one_by_one_are_the_whole(photo: Path) -> None:
-    job = Job(photo, CAMERA, Brightness(mean_filter=3), keywords={"surface": "toward", "max_iterations": 9})
+    keywords: Options = {"surface": "toward", "scheme": "lax-friedrichs", "max_iterations": 9}
+    job = Job(photo, CAMERA, Brightness(mean_filter=3), keywords=keywords)
     whole = solve_photo(job)
     ready = prepare(read_job(job))
     iterations: list[int] = []
@@ -41,7 +43,7 @@ def test_the_steps_one_by_one_are_the_whole(photo: Path) -> None:
     np.testing.assert_array_equal(solved.solution.depth, whole.solution.depth)
     assert solved.report == whole.report
     assert iterations == list(range(1, 10))
-    expected = ps.reconstruct(ready.image, ps.Camera(20.0), surface="toward", max_iterations=9)
+    expected = ps.reconstruct(ready.image, ps.Camera(20.0), **keywords)
     np.testing.assert_array_equal(solved.solution.depth, expected.depth)
 
 
