@@ -16,6 +16,7 @@ import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
+from persfs_cl.bench.solutions import solved
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
 from persfs_cl.preparation.normalise import mean_filter
@@ -47,7 +48,8 @@ def _hill(size: int, **keywords: Any) -> Scene:
     return ps.hillside((size, size), light=FLASH, surface="toward", **keywords)
 
 
-def _object(mesh: Path, size: int, **keywords: Any) -> Scene:
+def scanned(mesh: Path, size: int, **keywords: Any) -> Scene:
+    """Flash photograph of a mesh, the z axis of which points up."""
     focal_length = size * _OBJECT_FOCAL_LENGTH / _OBJECT_SIZE
     return mesh_scene(mesh, (size, size), up="z", focal_length=focal_length, light=FLASH, **keywords)
 
@@ -114,7 +116,7 @@ def accuracy(plan: Plan) -> Iterator[list[Record]]:
 def refined(plan: Plan, scene: str, scheme: str, sizes: Sequence[int]) -> list[Record]:
     """The error of one scheme on one scene at each size, and the order if there are several."""
     scenes = [SCENES[scene](size) for size in sizes]
-    solutions = [_solved(plan, each, **SCHEMES[scheme]) for each in scenes]
+    solutions = [solved(plan, each, **SCHEMES[scheme]) for each in scenes]
     errors = [ps.compare(solution.depth, each.depth).mean for solution, each in zip(solutions, scenes, strict=True)]
     name = workload(scene, scheme)
     records = [
@@ -128,7 +130,7 @@ def refined(plan: Plan, scene: str, scheme: str, sizes: Sequence[int]) -> list[R
     return records
 
 
-def flash(plan: Plan) -> Iterator[list[Record]]:
+def noise(plan: Plan) -> Iterator[list[Record]]:
     """Mean error of depth from flash photographs with quantisation and noise, as a share of the relief.
 
     The solver is told nothing but the photograph, and where in it the object is. What noise does is measured with as
@@ -136,17 +138,17 @@ def flash(plan: Plan) -> Iterator[list[Record]]:
     """
     objects: dict[str, tuple[int, Callable[..., Scene]]] = {"hill": (plan.size(_SIZES[-1]), _hill)}
     try:
-        objects["bunny"] = plan.size(_OBJECT_SIZE), partial(_object, stanford_bunny())
+        objects["bunny"] = plan.size(_OBJECT_SIZE), partial(scanned, stanford_bunny())
     except InputError as reason:
-        yield [skip("flash", "bunny", ERROR, SHARE, plan.size(_OBJECT_SIZE), plan.precision, str(reason))]
+        yield [skip("noise", "bunny", ERROR, SHARE, plan.size(_OBJECT_SIZE), plan.precision, str(reason))]
     for name, (size, make) in objects.items():
         for photograph, keywords in PHOTOGRAPHS.items():
             scenes = [make(size, seed=seed, **keywords) for seed in range(plan.repeats if "noise" in keywords else 1)]
-            solutions = [_solved(plan, scene, mask=scene.mask) for scene in scenes]
-            yield _shares(plan, "flash", f"{name}, {photograph}", scenes, solutions)
+            solutions = [solved(plan, scene, mask=scene.mask) for scene in scenes]
+            yield _shares(plan, "noise", f"{name}, {photograph}", scenes, solutions)
         smoothed = [replace(scene, image=mean_filter(scene.image, 3, scene.mask)) for scene in scenes]
-        solutions = [_solved(plan, scene, mask=scene.mask) for scene in smoothed]
-        yield _shares(plan, "flash", f"{name}, {FILTERED}", smoothed, solutions)
+        solutions = [solved(plan, scene, mask=scene.mask) for scene in smoothed]
+        yield _shares(plan, "noise", f"{name}, {FILTERED}", smoothed, solutions)
 
 
 def reflectance(plan: Plan) -> Iterator[list[Record]]:
@@ -159,7 +161,7 @@ def reflectance(plan: Plan) -> Iterator[list[Record]]:
     for true, material in UNDER_FLASH.items():
         scene = _hill(size, reflectance=material)
         for assumed, other in UNDER_FLASH.items():
-            solution = _solved(plan, scene, reflectance=other)
+            solution = solved(plan, scene, reflectance=other)
             yield _shares(plan, "reflectance", taken("flash", true, assumed), [scene], [solution])
     for light, surface, true in product(PARALLEL, SURFACES, UNDER_PARALLEL):
         scene = _parallel_hill(light, surface, true, size)
@@ -191,7 +193,7 @@ def lamp(plan: Plan) -> Iterator[list[Record]]:
             with warnings.catch_warnings():
                 # That the rounds do not settle is in the table.
                 warnings.simplefilter("ignore")
-                solution = _solved(plan, scene, **SCHEMES[scheme])
+                solution = solved(plan, scene, **SCHEMES[scheme])
             yield _shares(plan, "lamp", workload(lamp_name(aside), scheme), [scene], [solution])[:1]
 
 
@@ -221,22 +223,13 @@ def _explained(plan: Plan, experiment: str, name: str, scene: Scene) -> list[Rec
 
     By the scheme that all materials have.
     """
-    solution = _solved(plan, scene, **SCHEMES["Lax-Friedrichs"])
+    solution = solved(plan, scene, **SCHEMES["Lax-Friedrichs"])
     grey = 100.0 * ps.compare(solution.render(), scene.image).mean / float(np.ptp(scene.image))
     size = scene.image.shape[0]
     return [
         _shares(plan, experiment, name, [scene], [solution])[0],
         _record(plan, experiment, name, size, [grey], [solution], quantity=GREY_ERROR, unit=CONTRAST),
     ]
-
-
-def _solved(plan: Plan, scene: Scene, **keywords: Any) -> ps.Solution:
-    """What the solver makes of the photograph; under a parallel light it is told the known depths."""
-    given: dict[str, Any] = {"light": scene.light, "reflectance": scene.reflectance}
-    if scene.light.flat_rim:
-        given |= {"known_depth": scene.known_depth, "surface": scene.surface}
-    options = {**given, "device": plan.device, "precision": plan.precision, **keywords}
-    return ps.reconstruct(scene.image, scene.camera, **options)
 
 
 def _shares(

@@ -17,15 +17,18 @@ from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
 from persfs_cl._cl.registers import lanes
 from persfs_cl.bench import fresh
-from persfs_cl.bench.accuracy import accuracy, ambiguity, flash, lamp, reflectance
+from persfs_cl.bench.accuracy import accuracy, ambiguity, lamp, noise, reflectance
 from persfs_cl.bench.alternatives import weno
+from persfs_cl.bench.calls import calls, small_image
 from persfs_cl.bench.convergence import convergence
+from persfs_cl.bench.distance import distance
+from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
+from persfs_cl.bench.masked import masked
 from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
-from persfs_cl.bench.solutions import small_image, solutions
 from persfs_cl.bench.tasks import tasks
 from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 
@@ -195,11 +198,14 @@ EXPERIMENTS: dict[str, Experiment] = {
     "precision": precision,
     "tunings": tunings,
     "roofline": roofline,
+    "calls": calls,
+    "flash": flash,
+    "masked": masked,
     "small": small_image,
     "convergence": convergence,
-    "solutions": solutions,
+    "distance": distance,
     "accuracy": accuracy,
-    "flash": flash,
+    "noise": noise,
     "reflectance": reflectance,
     "ambiguity": ambiguity,
     "lamp": lamp,

@@ -7,11 +7,16 @@ from decimal import Decimal
 from typing import Any
 
 from persfs_cl.bench import accuracy as exact
+from persfs_cl.bench import distance as limits
 from persfs_cl.bench.alternatives import WENO
+from persfs_cl.bench.calls import FAST_MARCHING, SPEED
 from persfs_cl.bench.convergence import ELAPSED
-from persfs_cl.bench.rates import PLAIN_C, RATE_UNIT
+from persfs_cl.bench.flash import PIXELS, PIXELS_UNIT
+from persfs_cl.bench.masked import BOX, CASES, FRAME, RATIO
+from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT
 from persfs_cl.bench.report import number
 from persfs_cl.bench.results import Record
+from persfs_cl.bench.solutions import TIME
 from persfs_cl.environment import summary
 from persfs_cl.page import ENVIRONMENT, markdown_table
 
@@ -128,12 +133,85 @@ def _convergence(records: Records) -> str:
     return markdown_table(("ordering", "iterations", f"ms on the device, {_SPREAD}"), rows, words=1)
 
 
-def _solutions(records: Records) -> str:
+def _calls(records: Records) -> str:
     rows = [
-        (_pixels(record), record.workload, _value(record), "" if record.median is None else record.detail)
+        (record.workload, _images(record), _value(record), _factor(record), _share_in_kernels(record))
         for record in records
+        if record.quantity == RATE
     ]
-    return markdown_table(("pixels", "solver", _MILLISECONDS, "how"), rows, words=2, remarks=True)
+    header = ("whole calls", "pixels", _RATES, f"× {PLAIN_C}", "in kernels, %")
+    return markdown_table(header, rows, words=1)
+
+
+def _images(record: Record) -> str:
+    return _pixels(record) if record.images == 1 else f"{record.images} × {_pixels(record)}"
+
+
+def _share_in_kernels(record: Record) -> str:
+    """Of the time that a rate was found in, by the medians."""
+    if record.median is None or record.by_device is None:
+        return ""
+    return f"{100.0 * record.median / record.by_device:.0f}"
+
+
+def _fast_marching(records: Records) -> str:
+    speeds = {(record.workload, record.size): _value(record) for record in records if record.quantity == SPEED}
+    rows = []
+    for record in records:
+        if record.quantity == TIME:
+            speed = speeds.get((record.workload, record.size), "")
+            how = "" if record.median is None else record.detail
+            rows.append((record.workload, _pixels(record), _value(record), speed, how))
+    header = ("light, solver", "pixels", _MILLISECONDS, f"× {FAST_MARCHING}'s speed", "how")
+    return markdown_table(header, rows, words=1, remarks=True)
+
+
+def _flash(records: Records) -> str:
+    rows: dict[tuple[str, str], dict[str, Record]] = {}
+    for record in records:
+        rows.setdefault((record.workload, _pixels(record)), {})[record.quantity] = record
+    cells = []
+    for place, found in rows.items():
+        time, pixels, rate = (found.get(quantity) for quantity in (TIME, PIXELS, RATE))
+        told = ["" if record is None else number(record.median) for record in (pixels, rate)]
+        if time is not None:
+            iterations = "" if time.iteration is None else str(time.iteration)
+            cells.append((*place, iterations, _value(time), number(time.by_device), *told))
+    header = ("photograph: ordering", "pixels", "iterations", _MILLISECONDS, "of these on the device", PIXELS_UNIT)
+    return markdown_table((*header, f"kernels, {RATE_UNIT}"), cells, words=1)
+
+
+def _masked(records: Records) -> str:
+    found = {(record.workload, record.quantity): record for record in records}
+    rows = [
+        (
+            name,
+            _pixels(found[name, RATIO]),
+            *(number(found[f"{name}: {what}", TIME].median) for what in (FRAME, BOX)),
+            _value(found[name, RATIO]),
+        )
+        for name in CASES
+        if (name, RATIO) in found
+    ]
+    header = ("an object on 1/16 of the frame", "pixels", f"ms, {FRAME}", f"ms, {BOX}", f"ratio, {_SPREAD}")
+    return markdown_table(header, rows, words=1)
+
+
+def _distance(records: Records) -> str:
+    rows: dict[tuple[str, str], dict[str, Record]] = {}
+    for record in records:
+        rows.setdefault((record.workload, _pixels(record)), {})[record.quantity] = record
+    cells = []
+    for (workload, pixels), found in rows.items():
+        photograph, _, solver = workload.partition(": ")
+        iterations = found[limits.TRUE].iteration
+        told = [
+            _value(found[quantity]) if quantity in found else ""
+            for quantity in (limits.ESTIMATE, limits.TRUE, limits.RATIO)
+        ]
+        cells.append((photograph, solver, pixels, "" if iterations is None else str(iterations), *told))
+    header = ("photograph", "scheme, ordering", "pixels", "iterations", "estimate", "truth", "estimate over truth")
+    return markdown_table(header, cells, words=2)
 
 
 def _compilation(records: Records) -> str:
@@ -173,7 +251,7 @@ def _accuracy(records: Records) -> str:
     return markdown_table(("scene", "scheme", *(f"{size}²" for size in sizes), "order"), rows, words=2)
 
 
-def _flash(records: Records) -> str:
+def _noise(records: Records) -> str:
     rows: dict[str, list[str]] = {}
     for record in records:
         rows.setdefault(record.workload, [_pixels(record)]).append(_value(record, two_digits))
@@ -255,14 +333,18 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "precision": ("precision", _precision),
     "tunings": ("tunings", _tunings),
     "roofline": ("roofline", _roofline),
+    "calls": ("calls", _calls),
+    "fast-marching": ("calls", _fast_marching),
+    "flash": ("flash", _flash),
+    "masked": ("masked", _masked),
     "small": ("small", _small),
     "convergence": ("convergence", _convergence),
-    "solutions": ("solutions", _solutions),
+    "distance": ("distance", _distance),
     "compilation": ("compilation", _compilation),
     "memory": ("memory", _memory),
     "tasks": ("tasks", _tasks),
     "accuracy": ("accuracy", _accuracy),
-    "flash": ("flash", _flash),
+    "noise": ("noise", _noise),
     "flash-materials": ("reflectance", _flash_materials),
     "parallel-materials": ("reflectance", _parallel_materials),
     "ambiguity": ("ambiguity", _ambiguity),

@@ -20,7 +20,8 @@ from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
 from persfs_cl.solver.schemes.scheme import MAX_SLOPE
 
 # Oblique, so that no term of the equation vanishes.
-_LIGHT = ParallelLight(0.2, -0.1)
+LIGHT = ParallelLight(0.2, -0.1)
+"""That of smooth images."""
 # A change is never negative: the tolerance is never met, so that no image rests while it is measured.
 _NEVER = -1.0
 
@@ -58,13 +59,18 @@ def smooth_image(size: int) -> NDArray[np.float64]:
     return 0.75 + 0.2 * wave[:, None] * wave
 
 
-def smooth_problem(size: int, scheme: str = "lax-friedrichs") -> Problem:
-    """That image with a known frame: every other pixel is swept."""
-    options = complete({"light": _LIGHT, "scheme": scheme, "boundary": "fixed"})
-    options["max_slope"] = MAX_SLOPE
+def smooth_frame(size: int) -> NDArray[np.float64]:
+    """The known depths of that image."""
     frame = np.full((size, size), np.nan)
     frame[[0, -1]] = frame[:, [0, -1]] = 1.0
-    return prepare(smooth_image(size), Camera(float(size)), None, None, frame, options=options)
+    return frame
+
+
+def smooth_problem(size: int, scheme: str = "lax-friedrichs") -> Problem:
+    """That image with a known frame: every other pixel is swept."""
+    options = complete({"light": LIGHT, "scheme": scheme, "boundary": "fixed"})
+    options["max_slope"] = MAX_SLOPE
+    return prepare(smooth_image(size), Camera(float(size)), None, None, smooth_frame(size), options=options)
 
 
 def swept_cells(problem: Problem) -> int:

@@ -76,8 +76,8 @@ def bench(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help=f"Of {', '.join(SCHEMES)}; unless given both where orderings and solutions are compared, elsewhere"
-            f" {SCHEMES[0]}.",
+            help=f"Of {', '.join(SCHEMES)}; unless given both where orderings, calls and distances are compared,"
+            f" elsewhere {SCHEMES[0]}.",
         ),
     ] = None,
     repeats: Annotated[
@@ -144,7 +144,7 @@ def bench(
     ] = None,
     keywords: Options,
 ) -> None:
-    """Measure how fast the sweeps are, against other ways to do the same in the same run, and how exact the depth is.
+    """Measure how fast sweeps and whole calls are, against other ways to do the same, and how exact the depth is.
 
     Prints tables, and writes bench.json, bench.csv and the plots scaling.png, yardsticks.png, convergence.png and
     accuracy.png.

@@ -20,12 +20,12 @@ from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench import accuracy, baselines, experiments, plots
 from persfs_cl.bench.baselines import Baseline
+from persfs_cl.bench.calls import FAST_MARCHING
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
-from persfs_cl.bench.solutions import FAST_MARCHING
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
 from persfs_cl.bench.workloads import Workload
 from persfs_cl.choices import Surface
@@ -221,7 +221,8 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
     few = ("--strip-rows", "8,24", "--tiles", "32x64", "--lanes", "8", "--band-rows", "5", "--work-groups", "1,3")
     settings = ("--quick", "--sizes", "64", "--batch", "1,3", "--repeats", "2", *few, "-o", folder)
     # Some are called by other tests: in processes of their own, and at the sizes that are claimed.
-    elsewhere = ("compilation", "memory", "flash", "reflectance", "ambiguity", "lamp", "weno", "tasks")
+    whole_calls, exact = ("calls", "flash", "masked"), ("distance", "noise", "reflectance", "ambiguity", "lamp", "weno")
+    elsewhere = {"compilation", "memory", "tasks", *whole_calls, *exact}
     in_process = [name for name in EXPERIMENTS if name not in elsewhere]
     outcome = run("bench", *settings, *(part for name in in_process for part in ("--experiment", name)))
     assert outcome.status == 0
@@ -264,10 +265,10 @@ def test_only_the_schemes_asked_for_are_measured(device: ps.Device) -> None:
     plan = Plan(device, sizes=(16,), batch=(2,), orderings=("wavefront",), schemes=("upwind",), repeats=1)
     plan = replace(plan, least_seconds=0.0, strip_rows=(8,), tiles=((32, 64),), work_groups=(1,))
     baselines = {PLAIN_C, "numba", "NumPy reference", FAST_MARCHING}
-    for name in ("orderings", "sizes", "batch", "precision", "tunings", "solutions"):
+    for name in ("orderings", "sizes", "batch", "precision", "tunings", "calls"):
         workloads = {record.workload for group in EXPERIMENTS[name](plan) for record in group} - baselines
         assert workloads
-        assert all(workload.endswith("upwind") for workload in workloads)
+        assert all(workload.endswith(("upwind", FAST_MARCHING)) for workload in workloads)
 
 
 def test_errors_are_drawn_as_far_as_they_go(device: ps.Device, tmp_path: Path) -> None:
@@ -291,7 +292,7 @@ def test_without_the_scanned_object_it_is_said_where_it_comes_from(
         raise ps.InputError("get the bunny")
 
     monkeypatch.setattr(accuracy, "stanford_bunny", missing)
-    records = [record for group in accuracy.flash(Plan(device, sizes=(16,), repeats=1)) for record in group]
+    records = [record for group in accuracy.noise(Plan(device, sizes=(16,), repeats=1)) for record in group]
     assert [record.detail for record in records if record.median is None] == ["skipped: get the bunny"]
     assert len(records) == 1 + 2 * len([*accuracy.PHOTOGRAPHS, accuracy.FILTERED])
 

@@ -154,8 +154,8 @@ def test_a_missing_object_is_said_on_the_page(device: ps.Device, monkeypatch: py
         raise ps.InputError("get the bunny")
 
     monkeypatch.setattr(accuracy, "stanford_bunny", missing)
-    records = [record for group in accuracy.flash(Plan(device, sizes=(16,), repeats=1)) for record in group]
-    first, *others = table(records, "flash", device)[1:]
+    records = [record for group in accuracy.noise(Plan(device, sizes=(16,), repeats=1)) for record in group]
+    first, *others = table(records, "noise", device)[1:]
     assert first == ["bunny", "16²", "skipped: get the bunny", "", ""]
     assert [row[0] for row in others] == [f"hill, {name}" for name in (*accuracy.PHOTOGRAPHS, accuracy.FILTERED)]
     assert all(cell for row in others for cell in row)
@@ -232,7 +232,7 @@ def test_a_page_stays_as_it_is_when_something_fails(
         (("sizes", "nonsense"), (), "<!-- nonsense -->"),
         ((ENVIRONMENT,), (), "holds no marker"),
         ((), (), "holds no marker"),
-        (("flash",), (), "<!-- sizes -->"),
+        (("noise",), (), "<!-- sizes -->"),
         (("sizes",), ("--quick",), "leave out --quick"),
     ],
 )

@@ -59,19 +59,19 @@ def test_mean_error_of_second_order_at_401_pixels(device: Device) -> None:
 
 
 @functools.cache
-def flash(device: Device) -> dict[tuple[str, str], float]:
-    records = [record for group in accuracy.flash(Plan(device, repeats=1)) for record in group]
+def noise(device: Device) -> dict[tuple[str, str], float]:
+    records = [record for group in accuracy.noise(Plan(device, repeats=1)) for record in group]
     return dict(zip([(record.workload, record.quantity) for record in records], values(records), strict=True))
 
 
 def test_a_scanned_object_is_found_from_its_photograph(device: Device) -> None:
-    assert flash(device)["bunny, 8 bits", ERROR_SCALED] <= 0.5
-    assert flash(device)["bunny, 8 bits, 2 % noise", ERROR_SCALED] <= 2.0
+    assert noise(device)["bunny, 8 bits", ERROR_SCALED] <= 0.5
+    assert noise(device)["bunny, 8 bits, 2 % noise", ERROR_SCALED] <= 2.0
 
 
 def test_a_smooth_hill_is_found_from_its_photograph(device: Device) -> None:
-    assert flash(device)["hill, 8 bits", ERROR] <= 0.1
-    assert flash(device)["hill, 8 bits, 2 % noise", ERROR_SCALED] <= 2.0
+    assert noise(device)["hill, 8 bits", ERROR] <= 0.1
+    assert noise(device)["hill, 8 bits, 2 % noise", ERROR_SCALED] <= 2.0
 
 
 @functools.cache
