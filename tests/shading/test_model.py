@@ -43,8 +43,9 @@ def solve(scene: Scene, **keywords: Any) -> ps.Solution:
 
 
 def exact(scene: Scene, **keywords: Any) -> float:
-    """Mean error of depth in the limit of the iteration."""
-    solution = solve(scene, tolerance=1e-8, precision="float64", max_iterations=4000, **keywords)
+    """Mean error of depth in the limit of the iteration, by what compiles fastest, unless an ordering is given."""
+    settings = {"tolerance": 1e-8, "precision": "float64", "max_iterations": 4000, "ordering": "lexicographic"}
+    solution = solve(scene, **{**settings, **keywords})
     assert solution.status is ps.Status.CONVERGED
     return ps.compare(solution.depth, scene.depth).mean
 
@@ -372,9 +373,11 @@ class TestLampBesideTheCamera:
 
     @staticmethod
     def solve(scene: Scene, **keywords: Any) -> ps.Solution:
-        return ps.reconstruct(
-            scene.image, scene.camera, **{"light": scene.light, "reflectance": scene.reflectance, **keywords}
-        )
+        given: dict[str, Any] = {"light": scene.light, "reflectance": scene.reflectance}
+        if scene.reflectance != ps.Lambertian() or keywords.get("accuracy_order") == 2:
+            # The bits of the wavefront, by a program that compiles in a third of the time.
+            given["ordering"] = "lexicographic"
+        return ps.reconstruct(scene.image, scene.camera, **{**given, **keywords})
 
     @pytest.mark.parametrize("offset", OFFSETS)
     @pytest.mark.parametrize(("size", "order", "bound"), [(60, 1, 1.3), (240, 1, 1.3), (60, 2, 2.5)])
