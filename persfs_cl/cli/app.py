@@ -13,8 +13,8 @@ from typer.core import TyperGroup
 
 import persfs_cl
 from persfs_cl.cli.config import ConfiguredCommand
-from persfs_cl.cli.interrupts import raising
-from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.interrupts import answered, raising
+from persfs_cl.cli.signals import INTERRUPTED, leave_at_once
 from persfs_cl.cli.spelling import WrongOption, in_words, spelling
 from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
@@ -211,7 +211,8 @@ app = typer.Typer(
 
 def _command(name: str) -> Any:
     """A command by its name."""
-    function = getattr(import_module(f"persfs_cl.cli.{name}"), name)
+    with answered(leave_at_once):
+        function = getattr(import_module(f"persfs_cl.cli.{name}"), name)
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
     given = {"help": _paragraphs(function.__doc__ or ""), "epilog": _paragraphs(_EPILOGS[name])}
     alone.command(name, cls=ConfiguredCommand, **given)(function)

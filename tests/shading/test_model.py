@@ -333,7 +333,9 @@ class TestMaterialsUnderAParallelLight:
         assert exact(scene, reflectance=ps.OrenNayar(0.0), ordering="checkerboard") < 0.85 * matt
 
     @materials_take_turns
-    @pytest.mark.parametrize("material", [ps.OrenNayar(0.4), ps.Phong()], ids=str)
+    @pytest.mark.parametrize(
+        "material", [pytest.param(ps.OrenNayar(0.4), marks=pytest.mark.thorough), ps.Phong()], ids=str
+    )
     @pytest.mark.parametrize("boundary", ["wall", "outflow"])
     def test_the_orderings_agree(self, device: ps.Device, precision: str, material: Reflectance, boundary: str) -> None:
         scene = ps.hillside(shape=(25, 30), light=self.OBLIQUE, reflectance=material, focal_length=90.0, relief=0.05)
