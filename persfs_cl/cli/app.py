@@ -214,8 +214,8 @@ def _command(name: str) -> Any:
     with answered(leave_at_once):
         function = getattr(import_module(f"persfs_cl.cli.{name}"), name)
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    given = {"help": _paragraphs(function.__doc__ or ""), "epilog": _paragraphs(_EPILOGS[name])}
-    alone.command(name, cls=ConfiguredCommand, **given)(function)
+    text, epilog = _paragraphs(function.__doc__ or ""), _paragraphs(_EPILOGS[name])
+    alone.command(name, cls=ConfiguredCommand, help=text, epilog=epilog)(function)
     return typer.main.get_command(alone)
 
 
