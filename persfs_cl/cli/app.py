@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 import persfs_cl
-from persfs_cl.cli.batch import batch
-from persfs_cl.cli.bench import bench
-from persfs_cl.cli.compare import compare
 from persfs_cl.cli.config import ConfiguredCommand
-from persfs_cl.cli.demo import demo
-from persfs_cl.cli.devices import devices
-from persfs_cl.cli.interrupts import raising
-from persfs_cl.cli.paper import paper
-from persfs_cl.cli.reconstruct import reconstruct
-from persfs_cl.cli.render import render
-from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.interrupts import answered, raising
+from persfs_cl.cli.signals import INTERRUPTED, leave_at_once
 from persfs_cl.cli.spelling import WrongOption, in_words, spelling
 from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
@@ -124,10 +117,35 @@ It needs numba: pip install numba.
 
 Ctrl-C keeps the tables that are finished; the exit status is 130.
 """
+_EPILOGS = {
+    "reconstruct": _RECONSTRUCT_EPILOG,
+    "batch": _BATCH_EPILOG,
+    "render": _RENDER_EPILOG,
+    "compare": _COMPARE_EPILOG,
+    "paper": _PAPER_EPILOG,
+    "bench": _BENCH_EPILOG,
+    "devices": _DEVICES_EPILOG,
+    "demo": "",
+}
+"""Of each command: a module of this room, with a function of its name."""
 
 
 class _Commands(TyperGroup):
-    """Says what a user can mend in a line or two; everything else keeps its traceback."""
+    """Says what a user can mend in a line or two; everything else keeps its traceback.
+
+    Commands are imported when they are called, or listed: nobody waits for what the others need.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        del ctx  # the same for all
+        return list(_EPILOGS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        # A name that is wrong is compared with all.
+        for name in [cmd_name] if cmd_name in _EPILOGS else _EPILOGS:
+            if name not in self.commands:
+                self.commands[name] = _command(name)
+        return super().get_command(ctx, cmd_name)
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -189,18 +207,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS: dict[Callable[..., None], str] = {
-    reconstruct: _RECONSTRUCT_EPILOG,
-    batch: _BATCH_EPILOG,
-    render: _RENDER_EPILOG,
-    compare: _COMPARE_EPILOG,
-    paper: _PAPER_EPILOG,
-    bench: _BENCH_EPILOG,
-    devices: _DEVICES_EPILOG,
-    demo: "",
-}
-for _command, _epilog in _COMMANDS.items():
-    app.command(cls=ConfiguredCommand, help=_paragraphs(_command.__doc__ or ""), epilog=_paragraphs(_epilog))(_command)
+
+
+def _command(name: str) -> Any:
+    """A command by its name."""
+    with answered(leave_at_once):
+        function = getattr(import_module(f"persfs_cl.cli.{name}"), name)
+    alone = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+    text, epilog = _paragraphs(function.__doc__ or ""), _paragraphs(_EPILOGS[name])
+    alone.command(name, cls=ConfiguredCommand, help=text, epilog=epilog)(function)
+    return typer.main.get_command(alone)
 
 
 def _version(wanted: bool) -> None:

@@ -63,8 +63,8 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         pytest.param("*.so", 0, marks=pytest.mark.thorough),
         ("*.sqlite", 3000),
         ("*.sqlite", None),
-        ("*.so", None),
-        ("program.bc", None),
+        pytest.param("*.so", None, marks=pytest.mark.thorough),
+        pytest.param("program.bc", None, marks=pytest.mark.thorough),
     ],
 )
 def test_a_damaged_cache_is_made_whole_without_a_word(

@@ -16,10 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from persfs_cl.cli.app import app
+from persfs_cl.cli.app import _command
 from persfs_cl.cli.config import ConfiguredCommand, configurable
 
-COMMAND = typer.main.get_command(app).commands["reconstruct"]  # type: ignore[attr-defined]
+COMMAND = _command("reconstruct")
 
 
 def written(path: Path, *lines: str) -> Path:

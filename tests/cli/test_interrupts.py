@@ -144,7 +144,8 @@ sys.meta_path.insert(0, Interrupt)
 from persfs_cl.cli import main
 main()
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", script, "reconstruct", "photo.png", "-o", "out"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "persfs-cl: interrupted.\n")
 
 

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-import typer
 from command import FOCAL, HEIGHT, SCENE, WIDTH, names, png, run, strict
 from numpy.typing import NDArray
 from PIL import Image
 
 import persfs_cl as ps
-from persfs_cl.cli.app import app
+from persfs_cl.cli.app import _command
 from persfs_cl.cli.spelling import spelling
 from persfs_cl.io.export import write_depth
 from persfs_cl.wording import keyword
@@ -211,7 +210,7 @@ SPELLINGS = {
 
 @pytest.mark.parametrize("message", SPELLINGS)
 def test_keywords_become_options(message: str) -> None:
-    spell = spelling(typer.main.get_group(app).commands["reconstruct"].params)
+    spell = spelling(_command("reconstruct").params)
     assert ps.InputError(message).worded(spell) == SPELLINGS[message]
 
 

@@ -45,8 +45,9 @@ def solve(scene: Scene, **keywords: Any) -> ps.Solution:
 
 
 def exact(scene: Scene, **keywords: Any) -> float:
-    """Mean error of depth in the limit of the iteration."""
-    solution = solve(scene, tolerance=1e-8, precision="float64", max_iterations=4000, **keywords)
+    """Mean error of depth in the limit of the iteration, by what compiles fastest, unless an ordering is given."""
+    settings = {"tolerance": 1e-8, "precision": "float64", "max_iterations": 4000, "ordering": "lexicographic"}
+    solution = solve(scene, **{**settings, **keywords})
     assert solution.status is ps.Status.CONVERGED
     return ps.compare(solution.depth, scene.depth).mean
 
@@ -334,7 +335,9 @@ class TestMaterialsUnderAParallelLight:
         assert exact(scene, reflectance=ps.OrenNayar(0.0), ordering="checkerboard") < 0.85 * matt
 
     @materials_take_turns
-    @pytest.mark.parametrize("material", [ps.OrenNayar(0.4), ps.Phong()], ids=str)
+    @pytest.mark.parametrize(
+        "material", [pytest.param(ps.OrenNayar(0.4), marks=pytest.mark.thorough), ps.Phong()], ids=str
+    )
     @pytest.mark.parametrize("boundary", ["wall", "outflow"])
     def test_the_orderings_agree(self, device: ps.Device, precision: str, material: Reflectance, boundary: str) -> None:
         scene = ps.hillside(shape=(25, 30), light=self.OBLIQUE, reflectance=material, focal_length=90.0, relief=0.05)
@@ -374,9 +377,11 @@ class TestLampBesideTheCamera:
 
     @staticmethod
     def solve(scene: Scene, **keywords: Any) -> ps.Solution:
-        return ps.reconstruct(
-            scene.image, scene.camera, **{"light": scene.light, "reflectance": scene.reflectance, **keywords}
-        )
+        given: dict[str, Any] = {"light": scene.light, "reflectance": scene.reflectance}
+        if scene.reflectance != ps.Lambertian() or keywords.get("accuracy_order") == 2:
+            # The bits of the wavefront, by a program that compiles in a third of the time.
+            given["ordering"] = "lexicographic"
+        return ps.reconstruct(scene.image, scene.camera, **{**given, **keywords})
 
     @pytest.mark.parametrize("offset", OFFSETS)
     @pytest.mark.parametrize(("size", "order", "bound"), [(60, 1, 1.3), (240, 1, 1.3), (60, 2, 2.5)])
