@@ -21,6 +21,7 @@ from persfs_cl.bench.accuracy import accuracy, ambiguity, lamp, noise, reflectan
 from persfs_cl.bench.alternatives import weno
 from persfs_cl.bench.calls import calls, small_image
 from persfs_cl.bench.convergence import convergence
+from persfs_cl.bench.distance import distance
 from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
 from persfs_cl.bench.masked import masked
@@ -202,6 +203,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "masked": masked,
     "small": small_image,
     "convergence": convergence,
+    "distance": distance,
     "accuracy": accuracy,
     "noise": noise,
     "reflectance": reflectance,

@@ -7,6 +7,7 @@ from decimal import Decimal
 from typing import Any
 
 from persfs_cl.bench import accuracy as exact
+from persfs_cl.bench import distance as limits
 from persfs_cl.bench.alternatives import WENO
 from persfs_cl.bench.calls import FAST_MARCHING, SPEED
 from persfs_cl.bench.convergence import ELAPSED
@@ -196,6 +197,23 @@ def _masked(records: Records) -> str:
     return markdown_table(header, rows, words=1)
 
 
+def _distance(records: Records) -> str:
+    rows: dict[tuple[str, str], dict[str, Record]] = {}
+    for record in records:
+        rows.setdefault((record.workload, _pixels(record)), {})[record.quantity] = record
+    cells = []
+    for (workload, pixels), found in rows.items():
+        photograph, _, solver = workload.partition(": ")
+        iterations = found[limits.TRUE].iteration
+        told = [
+            _value(found[quantity]) if quantity in found else ""
+            for quantity in (limits.ESTIMATE, limits.TRUE, limits.RATIO)
+        ]
+        cells.append((photograph, solver, pixels, "" if iterations is None else str(iterations), *told))
+    header = ("photograph", "scheme, ordering", "pixels", "iterations", "estimate", "truth", "estimate over truth")
+    return markdown_table(header, cells, words=2)
+
+
 def _compilation(records: Records) -> str:
     rows = [(record.workload, record.quantity, _value(record)) for record in records]
     return markdown_table(("ordering", "quantity", f"s, {_SPREAD}"), rows, words=2)
@@ -321,6 +339,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "masked": ("masked", _masked),
     "small": ("small", _small),
     "convergence": ("convergence", _convergence),
+    "distance": ("distance", _distance),
     "compilation": ("compilation", _compilation),
     "memory": ("memory", _memory),
     "tasks": ("tasks", _tasks),

@@ -76,8 +76,8 @@ def bench(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help=f"Of {', '.join(SCHEMES)}; unless given both where orderings and calls are compared, elsewhere"
-            f" {SCHEMES[0]}.",
+            help=f"Of {', '.join(SCHEMES)}; unless given both where orderings, calls and distances are compared,"
+            f" elsewhere {SCHEMES[0]}.",
         ),
     ] = None,
     repeats: Annotated[
