@@ -21,7 +21,7 @@ def excess(base: float, offset: float, slope: float, log_f: float, length: Array
 
 def true_length(base: float, offset: float, slope: float, log_f: float) -> float:
     """Where that is 0, by bisection; of a triangle no less than where t is 0."""
-    low, high = np.sqrt(max(0.0, offset)), 100.0
+    low, high = np.sqrt(max(0.0, offset)), 1e5
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if excess(base, offset, slope, log_f, middle) > 0.0 else (middle, high)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
@@ -340,9 +341,8 @@ def pretended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str]
     def pretend(body: str) -> None:
         started = script(tmp_path, body)
         # By name, for the package's attribute is the function.
-        monkeypatch.setattr(
-            sys.modules["persfs_cl.cli.devices"], "child_command", lambda device: [*started, str(device)]
-        )
+        command = importlib.import_module("persfs_cl.cli.devices")
+        monkeypatch.setattr(command, "child_command", lambda device: [*started, str(device)])
 
     return pretend
 
