@@ -28,8 +28,8 @@ static inline number value_from_all_sides(const number brightness, const number 
 #endif
 }
 
-/* Updates, in place, the vectors `first`, `first + step`, ... before `last` of the cells of one colour in a row. Returns
- * the largest change, in each lane.
+/* Updates, in place, the vectors `first`, `first + step`, ... before `last` of the cells of one colour in a row.
+ * Returns the largest change, in each lane.
  */
 static inline number update_colour(__global real *log_depth,          /* of one image, (rows, stride), columns apart */
                                  __global const real *brightness,   /* E, marked as in update.cl, same shape       */

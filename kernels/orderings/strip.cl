@@ -15,19 +15,20 @@
  * Left and up never leave the registers. A vector has LANES rows, here 8; several of them a strip hide the latency of
  * the square root. LANES steps make a block: as many unaligned loads, one a row and each a column further back,
  * transposed in registers, give the lanes of these steps, and the results go back the same way. So the arrays stay
- * row-major and in place, for all four directions. They are padded by STRIP_ROWS + 2 LANES columns, and by rows to whole
- * strips and REACH more, on either side; the column table holds its numbers once more in reverse, shape (6, stride).
+ * row-major and in place, for all four directions. They are padded by STRIP_ROWS + 2 LANES columns, and by rows to
+ * whole strips and REACH more, on either side; the column table holds its numbers once more in reverse, shape
+ * (6, stride).
  *
  * With RESTS a block is skipped if nothing has changed in its tiles, and in those that it reads, since a sweep last ran
- * it in the same direction, four sweeps ago: see tiles.cl. It would find the same values again, none of which was lower.
- * For that, tiles are the same in all directions: height and width are counted in whole ones.
+ * it in the same direction, four sweeps ago: see tiles.cl. It would find the same values again, none of which was
+ * lower. For that, tiles are the same in all directions: height and width are counted in whole ones.
  */
 #define STRIP_ROWS (LANES * VECTORS)
 #define APART 32           /* integers from one strip's progress to the next: no common cache line, nor pair of lines */
 #define AHEAD 24           /* columns to prefetch: a strip has more rows than the hardware prefetcher follows */
 #define LEAD (64 / LANES)  /* blocks that a strip waits for beyond those it needs, so as to wait seldom */
 #define EVERY (32 / LANES) /* blocks after which progress is published, since that waits for all stores before it */
-#define UNROLLED (REACH == 2 || DIRECTED ? 1 : LANES) /* steps; long ones gain nothing by it                        */
+#define UNROLLED (REACH == 2 || DIRECTED ? 1 : LANES) /* steps; long ones gain nothing by it */
 
 /* Lanes shifted by one row or by two: TO_BELOW gives each row the lane of the row above it, TO_ABOVE that of the row
  * below. The lanes for which there is none are then overwritten.
@@ -251,14 +252,85 @@ static inline int patience_for(const int width)
 
 /* Puts the lanes on the steps that begin at `cell`, that of the first lane. */
 static inline __attribute__((always_inline)) void
-begin_at(lanes *state, __global const real *cell, const long skew, const long column_step)
+begin_at(lanes *state, __global const real *cell, const course *way)
 {
     __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
-        __global const real *first = cell + vector * LANES * skew;
+        __global const real *first = cell + vector * LANES * way->skew;
         for (int k = 0; k < REACH; ++k) {
-            state->old[k][vector] = GATHER(number, first + k * column_step, skew);
-            state->result[k][vector] = GATHER(number, first - (k + 1) * column_step, skew);
+            state->old[k][vector] = GATHER(number, first + k * way->column_step, way->skew);
+            state->result[k][vector] = GATHER(number, first - (k + 1) * way->column_step, way->skew);
         }
+    }
+}
+
+/* Runs the steps of a block, the first lane of which stands at `cell`; `table` has the numbers of its column. */
+static inline __attribute__((always_inline)) void
+run_block(lanes *state, __global real *log_depth, __global const real *brightness, __global const uchar *flags,
+          const long cell, __global const real *table, const course *way, const parameter_set *parameters,
+          const int alone)
+{
+    const int leftwards = way->leftwards;
+    const long column_step = way->column_step, skew = way->skew, row_step = skew + column_step;
+    /* Where the first of a block's steps lies in memory, seen from the cell of the step that comes first in time. */
+    const long low = leftwards ? -(LANES - 1) : 0;
+    number coming[VECTORS][LANES], shading[VECTORS][LANES];
+    integer signs = 0;
+    for (int vector = 0; vector < VECTORS; ++vector)
+        state->moved[vector] = 0;
+    __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
+        __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r) {
+            const long at = cell + (vector * LANES + r) * skew + low;
+            coming[vector][r] = LOAD(log_depth + at + REACH * column_step);
+            shading[vector][r] = LOAD(brightness + at);
+            signs |= as_integer(shading[vector][r]);
+            PREFETCH(log_depth + at + AHEAD * column_step);
+            PREFETCH(brightness + at + AHEAD * column_step);
+        }
+        transpose(coming[vector]);
+        transpose(shading[vector]);
+    }
+    border above[BORDERS], below[BORDERS];
+    __global const real *first = log_depth + cell, *last = log_depth + cell + (STRIP_ROWS - 1) * skew;
+    if (!alone)
+        /* Rows that another group may have in its cache. */
+        for (int k = 1; k <= REACH; ++k) {
+            PREFETCH(first - k * row_step + AHEAD * column_step);
+            PREFETCH(last + k * row_step + AHEAD * column_step);
+        }
+    above[NEAR].all = LOAD(first - row_step + low);
+    below[NEAR].all = LOAD(last + row_step + low);
+#if REACH == 2
+    above[NEXT].all = LOAD(first - 2 * row_step + low);
+    below[NEXT].all = LOAD(last + 2 * row_step + low);
+    above[NEAR_TOO].all = LOAD(first + skew - 2 * row_step + low);
+    below[NEAR_TOO].all = LOAD(last - skew + 2 * row_step + low);
+#endif
+    if (RIM_CELLS && any_sign(signs)) {
+        /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
+        number coming_copy[VECTORS][LANES], shading_copy[VECTORS][LANES];
+        __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
+            __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k) {
+                coming_copy[vector][k] = coming[vector][k];
+                shading_copy[vector][k] = shading[vector][k];
+            }
+        __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < LANES; ++step) {
+            const int k = leftwards ? LANES - 1 - step : step;
+            run_step(state, coming_copy, shading_copy, k, above, below, table - step,
+                     flags + cell + step * column_step, way, parameters, 1);
+        }
+        __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
+            __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k)
+                shading[vector][k] = shading_copy[vector][k];
+    } else {
+        __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < LANES; ++step) {
+            const int k = leftwards ? LANES - 1 - step : step;
+            run_step(state, coming, shading, k, above, below, table - step, flags, way, parameters, 0);
+        }
+    }
+    __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
+        transpose(shading[vector]);
+        __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r)
+            STORE(log_depth + cell + (vector * LANES + r) * skew + low, shading[vector][r]);
     }
 }
 
@@ -267,7 +339,8 @@ begin_at(lanes *state, __global const real *cell, const long skew, const long co
  * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
  * `done_before` of them before this sweep. Reads brightness, flags and tables, and reads and writes log_depth in place.
  *
- * `changed` has the numbers of the sweeps that changed the tiles last, and `sweep` is that of this one, from FIRST_SWEEP.
+ * `changed` has the numbers of the sweeps that changed the tiles last, and `sweep` is that of this one, from
+ * FIRST_SWEEP.
  *
  * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says
  * that all strips are run by this work-item, in order: then nothing is waited for, and `progress` is not used.
@@ -287,8 +360,6 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     const long row = first_row + (upwards ? LANES * tiles_of(height) - 1 - strip * STRIP_ROWS : strip * STRIP_ROWS);
     const long column =
         first_column + (leftwards ? LANES * (tiles_of(width) - first_block) - 1 : LANES * first_block);
-    /* Where the first of a block's steps lies in memory, seen from the cell of the step that comes first in time. */
-    const long low = leftwards ? -(LANES - 1) : 0;
     /* The names are those of a sweep to the right and down. In the others the neighbours change places. */
     const real to_p = parameters->sign * parameters->half_inverse_dx;
     const real to_q = parameters->sign * parameters->half_inverse_dy;
@@ -320,70 +391,12 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
         if (RESTS && last_change(covered) < sweep - 4)
             resting = 1;
         else {
-        if (resting)
-            begin_at(&state, log_depth + cell, skew, column_step);
-        resting = 0;
-        number coming[VECTORS][LANES], shading[VECTORS][LANES];
-        integer signs = 0;
-        for (int vector = 0; vector < VECTORS; ++vector)
-            state.moved[vector] = 0;
-        __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
-            __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r) {
-                const long at = cell + (vector * LANES + r) * skew + low;
-                coming[vector][r] = LOAD(log_depth + at + REACH * column_step);
-                shading[vector][r] = LOAD(brightness + at);
-                signs |= as_integer(shading[vector][r]);
-                PREFETCH(log_depth + at + AHEAD * column_step);
-                PREFETCH(brightness + at + AHEAD * column_step);
-            }
-            transpose(coming[vector]);
-            transpose(shading[vector]);
-        }
-        border above[BORDERS], below[BORDERS];
-        __global const real *first = log_depth + cell, *last = log_depth + cell + (STRIP_ROWS - 1) * skew;
-        if (!alone)
-            /* Rows that another group may have in its cache. */
-            for (int k = 1; k <= REACH; ++k) {
-                PREFETCH(first - k * row_step + AHEAD * column_step);
-                PREFETCH(last + k * row_step + AHEAD * column_step);
-            }
-        above[NEAR].all = LOAD(first - row_step + low);
-        below[NEAR].all = LOAD(last + row_step + low);
-#if REACH == 2
-        above[NEXT].all = LOAD(first - 2 * row_step + low);
-        below[NEXT].all = LOAD(last + 2 * row_step + low);
-        above[NEAR_TOO].all = LOAD(first + skew - 2 * row_step + low);
-        below[NEAR_TOO].all = LOAD(last - skew + 2 * row_step + low);
-#endif
-        if (RIM_CELLS && any_sign(signs)) {
-            /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
-            number coming_copy[VECTORS][LANES], shading_copy[VECTORS][LANES];
-            __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
-                __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k) {
-                    coming_copy[vector][k] = coming[vector][k];
-                    shading_copy[vector][k] = shading[vector][k];
-                }
-            __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < LANES; ++step) {
-                const int k = leftwards ? LANES - 1 - step : step;
-                run_step(&state, coming_copy, shading_copy, k, above, below, table - step,
-                         flags + cell + step * column_step, &way, parameters, 1);
-            }
-            __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
-                __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k)
-                    shading[vector][k] = shading_copy[vector][k];
-        } else {
-            __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < LANES; ++step) {
-                const int k = leftwards ? LANES - 1 - step : step;
-                run_step(&state, coming, shading, k, above, below, table - step, flags, &way, parameters, 0);
-            }
-        }
-        __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
-            transpose(shading[vector]);
-            __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r)
-                STORE(log_depth + cell + (vector * LANES + r) * skew + low, shading[vector][r]);
-        }
-        if (RESTS)
-            note_changes(covered, state.moved, sweep);
+            if (resting)
+                begin_at(&state, log_depth + cell, &way);
+            resting = 0;
+            run_block(&state, log_depth, brightness, flags, cell, table, &way, parameters, alone);
+            if (RESTS)
+                note_changes(covered, state.moved, sweep);
         }
         covered.at += covered.step;
         cell += LANES * column_step;

@@ -7,7 +7,8 @@
  */
 static inline void run_sweep(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
                              const parameter_set *parameters, __global const real *column_table,
-                             __global const real *row_table, __global volatile int *changed, const int rows, const int stride, const int first_row,
+                             __global const real *row_table, __global volatile int *changed, const int rows,
+                             const int stride, const int first_row,
                              const int first_column, const int height, const int width, const int leftwards,
                              const int upwards, const int number)
 {
@@ -66,7 +67,8 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {
                 run_sweep(z, brightness + begin, flags + begin, &numbers, column_table + image * 6 * stride,
-                          row_table + image * 3 * rows, last_changes, rows, stride, first_row, first_column, height, width, sweep & 1, sweep >> 1,
+                          row_table + image * 3 * rows, last_changes, rows, stride, first_row, first_column, height,
+                          width, sweep & 1, sweep >> 1,
                           FIRST_SWEEP + sweeps_before + 4 * (k - iteration) + sweep);
                 for (int pass = 0; pass < 2; ++pass) {
                     const int2 part = part_of(counts, image, pass);

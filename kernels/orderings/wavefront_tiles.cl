@@ -11,9 +11,10 @@
  *         . . 3 .                1 2 3 4 5
  *         . 3 . .                2 3 4 5 6
  *
- * With RESTS each tile has the number of the last sweep that changed it, as in tiles.cl, with one tile more on every side.
- * A tile is left alone if neither it nor those that it reads have changed since a sweep last went through it in the same
- * direction, four sweeps ago: it would find the same values again. For that, tiles are the same in all directions.
+ * With RESTS each tile has the number of the last sweep that changed it, as in tiles.cl, with one tile more on every
+ * side. A tile is left alone if neither it nor those that it reads have changed since a sweep last went through it in
+ * the same direction, four sweeps ago: it would find the same values again. For that, tiles are the same in all
+ * directions.
  *
  * Global size (tiles * TILE_ROWS, images), work-group size (TILE_ROWS, 1). Reads and writes log_depth in place.
  */

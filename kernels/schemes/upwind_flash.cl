@@ -40,12 +40,12 @@ static inline number higher_of(const number a, const number b)
  *     2 (base + l - Z_r) + m'(t_r^2) (l^2 - l_r^2) / slope = 0,    l_r^2 = offset + slope t_r^2
  *
  * is a quadratic, l^2 + 2 bend l = rest. Its first root lies between the l at which D is `here` and the one at which U
- * is, whatever the material, and so leads to a value below `here`. How far it is from the true one is of second order in
- * how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it, and short of it by at
- * most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH. With so much more it is beyond, where U
- * is the larger of both, and far less steep than D: that is the value, for which no logarithm is wanted. Where it is not
- * near enough, and for other materials, the larger of both is the value, and where that is D, by more
- * than a share of the change, the place found is the next to begin from.
+ * is, whatever the material, and so leads to a value below `here`. How far it is from the true one is of second order
+ * in how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it, and short of it by
+ * at most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH. With so much more it is beyond, where U is
+ * the larger of both, and far less steep than D: that is the value, for which no logarithm is wanted. Where it is not
+ * near enough, and for other materials, the larger of both is the value, and where that is D, by more than a share of
+ * the change, the place found is the next to begin from.
  *
  * Edge and triangle together, since each step waits for the one before: one hides the latency of the other.
  */
@@ -83,7 +83,7 @@ static inline void meet(const number *base, const number *offset, const number *
             const number steepness = most(0, multiply_add(length[k], length[k], -offset[k]) * per_slope[k]);
             const number excess = multiply_add(2, up[k], log_f) + minus_log_c(steepness, parameters);
             const number down = multiply_add(-0.5f, excess, up[k]);
-            const number highest = LAMBERTIAN ? choose(far[k] < 0, higher_of(up[k], down), up[k]) : higher_of(up[k], down);
+            const number both = higher_of(up[k], down), highest = LAMBERTIAN ? choose(far[k] < 0, both, up[k]) : both;
             /* A lane that is near enough stays, so that its bits do not depend on how long others take. */
             found[k] = choose(going[k] < 0, lower_of(highest, found[k]), found[k]);
             level[k] = down;

@@ -1,8 +1,8 @@
 /* One Gauss-Seidel step of one cell, in place: its value by value_of of first_order.cl or second_order.cl, accepted by
  * update.cl. The variant for one cell a work-item at a time: LANES is 1.
  *
- * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where it accepts a value, and
- * returns whether it did.
+ * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where it accepts a value,
+ * and returns whether it did.
  */
 static inline int update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
                                __global const real *brightness, /* marked as in update.cl, same shape */

@@ -1,6 +1,6 @@
-/* Which parts of an image a sweep has changed, so that others can rest: for each tile of LANES x LANES pixels the number
- * of the last sweep that changed it, counted from FIRST_SWEEP over the whole run. Before the first sweep a tile has
- * FIRST_SWEEP - 1, or 0 where there is nothing to sweep.
+/* Which parts of an image a sweep has changed, so that others can rest: for each tile of LANES x LANES pixels the
+ * number of the last sweep that changed it, counted from FIRST_SWEEP over the whole run. Before the first sweep a tile
+ * has FIRST_SWEEP - 1, or 0 where there is nothing to sweep.
  *
  * The array of an image has BORDER tiles more on every side, to be read without a question; what stands there is of no
  * consequence.
@@ -20,8 +20,8 @@ static inline size_t tiles_of_image(const int height, const int width)
     return (size_t)(tiles_of(height) + 2 * BORDER) * (size_t)(tiles_of(width) + 2 * BORDER);
 }
 
-/* As in change.cl, the largest change of an image, of every `step`th row of tiles: of the tiles that changed in or after
- * the sweep `since`, the first of the iteration. `first` is the cell of the first pixel.
+/* As in change.cl, the largest change of an image, of every `step`th row of tiles: of the tiles that changed in or
+ * after the sweep `since`, the first of the iteration. `first` is the cell of the first pixel.
  */
 static inline float largest_change_of_tiles(__global const real *first, __global real *first_previous,
                                             __global const volatile int *changed, const int stride, const int height,

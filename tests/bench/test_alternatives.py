@@ -30,6 +30,7 @@ def errors(found: dict[str, Record]) -> dict[str, float]:
     return {name: record.median or 0.0 for name, record in found.items()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("surface", ["away", "toward"])
 def test_weno_is_several_times_more_exact_on_a_smooth_surface(device: ps.Device, surface: Surface) -> None:
     found = side_by_side(device, ps.bump((64, 64), surface=surface))

@@ -215,6 +215,7 @@ def load(folder: Path) -> dict[str, Any]:
     return content
 
 
+@pytest.mark.thorough
 def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     # Every height, tile and width is a program to compile.

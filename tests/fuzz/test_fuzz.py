@@ -100,6 +100,7 @@ def _hard_case(kind: str, _seed: int, _setting: Setting) -> list[str]:
     return [kind]
 
 
+@pytest.mark.thorough
 def test_a_crash_and_a_hang_are_reported_and_end_no_others() -> None:
     worker = Worker(_hard_case, seconds=1.0)
     try:

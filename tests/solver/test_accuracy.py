@@ -86,6 +86,7 @@ def material_errors(device: Device) -> dict[str, float]:
     return dict(zip([record.workload for record in records], values(records), strict=True))
 
 
+@pytest.mark.thorough
 def test_materials_under_a_flash_are_found_and_wrong_ones_seen(device: Device) -> None:
     for true in UNDER_FLASH:
         right = material_errors(device)[taken("flash", true, true)]
