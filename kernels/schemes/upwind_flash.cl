@@ -22,18 +22,8 @@
 #define MOST_ROUNDS 16
 #define LAMBERTIAN (NEWTON_STEPS == 0)
 
-/* The lower and the higher of two values; a NaN in `a` stays. */
-static inline number lower_of(const number a, const number b)
-{
-    return a > b ? b : a;
-}
-
-static inline number higher_of(const number a, const number b)
-{
-    return a < b ? b : a;
-}
-
-/* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`.
+/* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`,
+ * or nearly, where Newton's method had to find it.
  *
  * With m = -ln c as a linear function of t^2 around the place where D is Z_r, at first `here`, and t is t_r,
  *
@@ -47,6 +37,8 @@ static inline number higher_of(const number a, const number b)
  * near enough, and for other materials, the larger of both is the value, and where that is D, by more than a share of
  * the change, the place found is the next to begin from.
  *
+ * From a neighbour that is not there come numbers without meaning, or none: these count for nothing.
+ *
  * Edge and triangle together, since each step waits for the one before: one hides the latency of the other.
  */
 #define BOTH __attribute__((opencl_unroll_hint(2))) for (int k = 0; k < 2; ++k)
@@ -57,7 +49,7 @@ static inline void meet(const number *base, const number *offset, const number *
     number per_slope[2], level[2], t_square[2], going[2];
     BOTH {
         per_slope[k] = 1 / slope[k];
-        level[k] = here;
+        level[k] = LAMBERTIAN ? here : -0.5f * (log_f + minus_log_c(square, parameters));
         t_square[k] = square;
         going[k] = -1;
         found[k] = NOWHERE;
@@ -76,16 +68,16 @@ static inline void meet(const number *base, const number *offset, const number *
             far[k] = choose(magnitude(moved[k]) > NEAR_ENOUGH, going[k], 1);
         }
         if (LAMBERTIAN && !any_sign(as_integer(far[0]) | as_integer(far[1]))) {
-            BOTH found[k] = choose(going[k] < 0, lower_of(up[k], found[k]), found[k]);
+            BOTH found[k] = choose(going[k] < 0, least(up[k], found[k]), found[k]);
             return;
         }
         BOTH {
             const number steepness = most(0, multiply_add(length[k], length[k], -offset[k]) * per_slope[k]);
             const number excess = multiply_add(2, up[k], log_f) + minus_log_c(steepness, parameters);
             const number down = multiply_add(-0.5f, excess, up[k]);
-            const number both = higher_of(up[k], down), highest = LAMBERTIAN ? choose(far[k] < 0, both, up[k]) : both;
+            const number both = most(up[k], down), highest = LAMBERTIAN ? choose(far[k] < 0, both, up[k]) : both;
             /* A lane that is near enough stays, so that its bits do not depend on how long others take. */
-            found[k] = choose(going[k] < 0, lower_of(highest, found[k]), found[k]);
+            found[k] = choose(going[k] < 0, least(highest, found[k]), found[k]);
             level[k] = down;
             t_square[k] = steepness;
             const number left = down - up[k] - multiply_add(REMAINDER, magnitude(here - found[k]), ROUNDED);
@@ -156,6 +148,7 @@ static inline number inner_value(const number log_f, const number here, const nu
 #else
     /* No value lies above that of a surface which faces the light. */
     const number facing = -0.5f * (log_f + minus_log_c(0, parameters));
-    return least(least(highest, facing), least(triangle, found[0]));
+    const number value = least(least(highest, facing), least(triangle, found[0]));
+    return choose(log_f == log_f, value, NOWHERE);
 #endif
 }

@@ -156,8 +156,10 @@ class Sweeper:
             self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary")
             self._renew_items = min(256, self._renew.largest_group(device))
         if self.ordering.single_sweeps:
-            wide = lanes(device, precision)
-            files = ["change", "tiles", "measure_tiles"] if self.ordering.counts_tiles else ["change", "measure"]
+            tiled = self.ordering.counts_tiles
+            # Tiles are as large as the ordering has them.
+            wide = self.ordering.lanes if tiled else lanes(device, precision)
+            files = ["change", "tiles", "measure_tiles"] if tiled else ["change", "measure"]
             self._measure = kernel(device, files, precision, {"LANES": wide}, "measure")
             # With vectors each item takes a part of its own: see kernels/shared/measure.cl.
             self._measure_group = (1, 1) if wide > 1 else None
