@@ -1,10 +1,9 @@
 /* One Gauss-Seidel step of one cell, in place: its value by value_of of first_order.cl or second_order.cl, accepted by
  * update.cl. The variant for one cell a work-item at a time: LANES is 1.
  *
- * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where it accepts a value,
- * and returns whether it did.
+ * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where it accepts a value.
  */
-static inline int update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
+static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
                                __global const real *brightness, /* marked as in update.cl, same shape */
                                __global const uchar *flags,     /* see prelude.cl, same shape          */
                                const size_t cell, const int stride, const int leftwards, const int upwards,
@@ -12,7 +11,7 @@ static inline int update_cell(__global real *log_depth,        /* Z or W = -Z, s
 {
     const real shading = brightness[cell];
     if (isnan(shading))
-        return 0;
+        return;
     const real to_p = parameters->sign * parameters->half_inverse_dx * (leftwards ? -1 : 1);
     const real to_q = parameters->sign * parameters->half_inverse_dy * (upwards ? -1 : 1);
     const long column_step = leftwards ? -1 : 1, row_step = upwards ? -(long)stride : (long)stride;
@@ -29,8 +28,6 @@ static inline int update_cell(__global real *log_depth,        /* Z or W = -Z, s
     const real result = updated(value, shading, here, at[-1], at[1], at[-(long)stride], at[stride], flags + cell, 1, x,
                                 y, parameters, 1);
     /* Else it is what stands there. */
-    const int accepted = result < bound_of(here);
-    if (accepted)
+    if (result < bound_of(here))
         log_depth[cell] = result;
-    return accepted && result != here;
 }

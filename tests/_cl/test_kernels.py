@@ -364,9 +364,7 @@ def assert_lexicographic_bits(device: Device, precision: str, ordering: Ordering
 
 
 @kernels_take_turns
-@pytest.mark.parametrize(
-    "ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1], SMALL_TILES], ids=lambda ordering: ordering.file
-)
+@pytest.mark.parametrize("ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1]], ids=lambda ordering: ordering.file)
 @pytest.mark.parametrize("name", ["upwind frontal away", *KERNELS])
 def test_what_rests_has_the_bits_of_what_is_swept_again(
     device: Device, precision: str, ordering: Ordering, name: str
@@ -391,9 +389,7 @@ def test_what_rests_has_the_bits_of_what_is_swept_again(
         np.testing.assert_array_equal(records[0][1], records[1][1])
 
 
-@pytest.mark.parametrize(
-    "ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1], SMALL_TILES], ids=lambda ordering: ordering.file
-)
+@pytest.mark.parametrize("ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1]], ids=lambda ordering: ordering.file)
 def test_what_rests_has_the_bits_of_what_is_swept_again_when_images_go_on(device: Device, ordering: Ordering) -> None:
     """At a lower tolerance, each from where it had come to rest, early or late."""
     problems = [random_problem(seed, (40, 45), boundary="wall", **SETUPS["upwind flash"]) for seed in range(3)]
@@ -418,9 +414,7 @@ def test_what_rests_has_the_bits_of_what_is_swept_again_when_images_go_on(device
 
 
 @pytest.mark.parametrize("rests", [True, pytest.param(False, marks=thorough)])
-@pytest.mark.parametrize(
-    "ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1], SMALL_TILES], ids=lambda ordering: ordering.file
-)
+@pytest.mark.parametrize("ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1]], ids=lambda ordering: ordering.file)
 def test_what_has_come_to_rest_is_left_alone(device: Device, ordering: Ordering, rests: bool) -> None:
     """Not even values that have been raised since, of which no sweep knows, fall again."""
     problem = random_problem(3, (40, 45), boundary="wall", **SETUPS["upwind frontal away"])

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
 
-from persfs_cl._cl.image import Image
-from persfs_cl._cl.orderings.account import first_account
 from persfs_cl._cl.orderings.ordering import Ordering
 from persfs_cl._cl.run import DIRECTIONS, Run
-
-_BEFORE = 4
-"""As a number of a sweep, in the kernel: before the first one."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +30,7 @@ class WavefrontTiles(Ordering):
     @property
     def definitions(self) -> dict[str, int]:
         """With the tile."""
-        return {
-            **super().definitions,
-            "TILE_ROWS": self.tile[0],
-            "TILE_COLUMNS": self.tile[1],
-            "RESTS": int(self.rests),
-        }
-
-    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
-        """Of its tiles, see the kernel."""
-        if not self.rests:
-            return np.zeros((len(images), 1), np.int32)
-        return first_account(images, self.tile, before=_BEFORE, border=1)
+        return {**super().definitions, "TILE_ROWS": self.tile[0], "TILE_COLUMNS": self.tile[1]}
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """As many launches as there are diagonals."""
@@ -61,7 +42,6 @@ class WavefrontTiles(Ordering):
             first = max(0, diagonal - columns + 1)
             size = ((min(diagonal, rows - 1) - first + 1) * high, run.images)
             own = {"leftwards": leftwards, "upwards": upwards, "tile_diagonal": diagonal, "first_tile_row": first}
-            own["sweeps_before"] = run.sweeps
             events.append(run.launch(size, (high, 1), **own))
         return events[0]
 
