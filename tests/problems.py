@@ -121,17 +121,15 @@ def sweeper(
     *,
     linear: bool = False,
     tolerance: float = 0.0,
-    rests: bool | None = None,
+    rests: bool = True,
 ) -> Sweeper:
-    """The problem on a device, in a variant that can be stepped sweep by sweep; it rests as it does for users."""
+    """The problem on a device, in a variant that can be stepped sweep by sweep."""
     wide = lanes(device, precision)
-    if rests is None:
-        rests = problem.scheme.settles and not len(problem.domain.boundary.cells)
     if isinstance(ordering, Ordering):
-        ordering = replace(fitted(ordering, device, precision), rests=rests)
+        ordering = fitted(ordering, device, precision)
     elif ordering == "wavefront" and wide > 1:
         # The lowest strips, so that a small image has several, and the program that compiles fastest.
-        ordering = WavefrontStrips(wide, vectors=1, work_groups=device.compute_units, rests=rests)
+        ordering = WavefrontStrips(wide, vectors=1, work_groups=device.compute_units)
     return Sweeper(
         device,
         [problem.kernel_arguments],

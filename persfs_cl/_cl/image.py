@@ -30,6 +30,8 @@ class Image:
     cells, inwards, edges
         Boundary cells by their flat indices, the two cells that each looks at inwards along x and along y, shape
         (cells, 4), and how many of them come first, as edges: see kernels/shared/boundary.cl.
+    settles : bool
+        Whether most cells soon keep their value, so that it pays to keep account of which still change.
     outside : float or None
         The value of what lies around the image, for a scheme that only wants a missing neighbour to be high; None for
         one that treats cells apart which lack a neighbour.
@@ -44,6 +46,7 @@ class Image:
     cells: NDArray[np.int32]
     inwards: NDArray[np.int32]
     edges: int
+    settles: bool
     outside: float | None = None
 
     def marked_brightness(self, rows: slice) -> NDArray[np.float64]:

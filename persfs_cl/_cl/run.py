@@ -67,12 +67,9 @@ class Run:
 
         What an image's account of changes has by its sweeps so far, some numbers a sweep, is put back by as many.
         """
-        if (buffer := self.values.get("changed")) is not None:
-            changed = np.empty(buffer.size // 4, np.int32)
-            cl.enqueue_copy(self.device.queue, changed, buffer)
-            past = numbers_a_sweep * self.sweeps_of[:, None]
-            kept = np.maximum(changed.reshape(self.images, -1) - past, 0).astype(np.int32)
-            cl.enqueue_copy(self.device.queue, buffer, kept)
+        account = self._read("changed").reshape(self.images, -1)
+        kept = np.maximum(account - numbers_a_sweep * self.sweeps_of[:, None], 0).astype(np.int32)
+        cl.enqueue_copy(self.device.queue, self.values["changed"], kept)
         self._clear()
         if (buffer := self.values.get("sync")) is not None:
             cl.enqueue_fill_buffer(self.device.queue, buffer, np.zeros(1, np.int32), 0, buffer.size)
@@ -103,7 +100,11 @@ class Run:
 
     def counters(self) -> NDArray[np.int32]:
         """The ordering's counters `sync` as they are when the device has done what is queued."""
-        buffer = self.values["sync"]
-        counters = np.empty(buffer.size // 4, np.int32)
-        cl.enqueue_copy(self.device.queue, counters, buffer)
-        return counters
+        return self._read("sync")
+
+    def _read(self, name: str) -> NDArray[np.int32]:
+        """Integers of a buffer."""
+        buffer = self.values[name]
+        integers = np.empty(buffer.size // 4, np.int32)
+        cl.enqueue_copy(self.device.queue, integers, buffer)
+        return integers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,8 @@ class Sweeper:
     only_lower : bool
         With that, let values only fall.
     rests : bool
-        Let an ordering that is chosen by its name leave alone what cannot change, as long as no boundary is renewed.
+        Leave alone what cannot change, by schemes that settle, as long as no boundary is renewed between the sweeps;
+        False computes every cell in every sweep. The values are the same.
 
     Attributes
     ----------
@@ -81,7 +83,7 @@ class Sweeper:
         linear: bool = False,
         second_order: bool = False,
         only_lower: bool = False,
-        rests: bool = False,
+        rests: bool = True,
     ) -> None:
         self._device = device
         self._real = device.real(precision)
@@ -89,10 +91,10 @@ class Sweeper:
         shapes = [image.log_depth.shape for image in images]
         height, width = (max(lengths) for lengths in zip(*shapes, strict=True))
         if isinstance(ordering, str):
-            rests = rests and not any(len(image.cells) for image in images)
-            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower, rests)
+            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower)
             ordering = ordering_for(ordering, setup)
-        self.ordering = ordering
+        has_boundary = any(len(image.cells) for image in images)
+        self.ordering = ordering = replace(ordering, rests=rests and images[0].settles and not has_boundary)
         self._layout = ordering.layout((height, width))
         self._tolerance = _rounded_down(tolerance)
         self._rested = np.zeros(self.count, bool)
@@ -108,7 +110,7 @@ class Sweeper:
                 kernel=kernel(device, files, precision, ordering.definitions, ordering.function, fields),
                 layout=self._layout,
                 images=self.count,
-                has_boundary=any(len(image.cells) for image in images),
+                has_boundary=has_boundary,
                 values=values,
             )
             self._make_kernels(precision)
@@ -145,8 +147,8 @@ class Sweeper:
         }
         if counters := self.ordering.counters(self.count, layout):
             values["sync"] = upload(device, np.zeros(counters, np.int32))
-        if (changes := self.ordering.last_changes(images)) is not None:
-            values["changed"] = upload(device, changes)
+        none = np.zeros((self.count, 1), np.int32)
+        values["changed"] = upload(device, self.ordering.last_changes(images, layout) if self.ordering.rests else none)
         return values
 
     def _make_kernels(self, precision: str) -> None:
@@ -156,7 +158,7 @@ class Sweeper:
             self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary")
             self._renew_items = min(256, self._renew.largest_group(device))
         if self.ordering.single_sweeps:
-            tiled = self.ordering.counts_tiles
+            tiled = self.ordering.rests and self.ordering.counts_tiles
             # Tiles are as large as the ordering has them.
             wide = self.ordering.lanes if tiled else lanes(device, precision)
             files = ["change", "tiles", "measure_tiles"] if tiled else ["change", "measure"]

@@ -94,6 +94,8 @@ def sweeper(
         ordering=ordering,
         precision=precision,
         tolerance=_NEVER,
+        # A rate is one of cells that are computed.
+        rests=False,
     )
 
 

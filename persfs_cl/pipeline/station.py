@@ -32,7 +32,7 @@ from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.pieces import pieces
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.schemes import scheme_for
+from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.solver.solve import solve
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
@@ -147,9 +147,7 @@ class Station:
     ) -> None:
         self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
         self._put, self._solutions = put, solutions
-        light, reflectance = options["light"], options["reflectance"]
-        scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
-        self._in_rounds = scheme.model(light, reflectance).in_rounds
+        self._in_rounds = SCHEMES[options["scheme"]].model(options["light"], options["reflectance"]).in_rounds
         self._room = Room(memory)
         self._inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._ready: deque[_Work] = deque()

@@ -25,7 +25,7 @@ from persfs_cl.solver.inputs import (
     warn_of_steep_outline,
 )
 from persfs_cl.solver.options import Options
-from persfs_cl.solver.schemes import scheme_for
+from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.solver.schemes.scheme import Scheme
 from persfs_cl.solver.window import Window
 from persfs_cl.surface.discontinuities import REACH
@@ -144,7 +144,7 @@ def check(
         of a mask that is no flat ground; when the principal point lies outside the image.
     """
     require_camera(camera)
-    light, scheme = options["light"], scheme_for(options["scheme"], options["light"], options["reflectance"])
+    light, scheme = options["light"], SCHEMES[options["scheme"]]
     model = scheme.model(light, options["reflectance"])
     photograph, usual = _copied(require_image(image))
     shape = photograph.shape

@@ -44,7 +44,6 @@ class Iteration:
     statuses: list[Status]
     distances: list[float]
     variant: str
-    settles: bool = False
     build_seconds: float = 0.0
     kernel_seconds: float = 0.0
 
@@ -53,7 +52,6 @@ class Iteration:
         """Iterate to convergence at first order, and from there at second order if that is wanted."""
         images = [problem.kernel_arguments for problem in problems]
         run = cls(images, [[] for _ in images], [Status.CONVERGED] * len(images), [math.nan] * len(images), "")
-        run.settles = problems[0].scheme.settles
         kernels = problems[0].kernels
         run._advance(device, kernels, options, callback)
         if options["accuracy_order"] == 2:
@@ -98,7 +96,6 @@ class Iteration:
             linear=options["boundary"] == "extrapolate",
             second_order=corrected is not None,
             only_lower=only_lower,
-            rests=self.settles,
         )
         self.build_seconds += time.perf_counter() - began
         done = [len(self.changes[place]) for place in places]

@@ -92,6 +92,7 @@ class Problem(Given):
             cells=boundary.cells,
             inwards=boundary.inwards,
             edges=boundary.edges,
+            settles=self.scheme.settles,
             outside=self.scheme.outside,
         )
 

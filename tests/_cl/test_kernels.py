@@ -378,7 +378,7 @@ def test_what_rests_has_the_bits_of_what_is_swept_again(
         problem = random_problem(seed, shape, boundary="wall", holes=0.03 * seed, **SETUPS[name])
         records = []
         for each in (ordering, cell_by_cell):
-            kernel = sweeper(problem, device, precision, each, rests=each is ordering)
+            kernel = sweeper(problem, device, precision, each)
             record = [kernel.run(2)]
             if ordering.single_sweeps:
                 for number in range(4):
@@ -399,9 +399,10 @@ def test_what_rests_has_the_bits_of_what_is_swept_again_when_images_go_on(device
             device,
             [problem.kernel_arguments for problem in problems],
             model=problems[0].kernels,
-            ordering=replace(fitted(ordering, device, "float32"), rests=rests),
+            ordering=fitted(ordering, device, "float32"),
             precision="float32",
             tolerance=0.5,
+            rests=rests,
         )
         record = [kernel.run(8)]
         for images, tolerance in (([0], 0.1), ([1, 2], 0.1), ([0, 1, 2], 0.0)):
@@ -513,7 +514,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, orde
             device,
             [problem.kernel_arguments for problem in members],
             model=members[0].kernels,
-            ordering=replace(fitted(ordering, device, "float32"), rests=name in UPWIND),
+            ordering=fitted(ordering, device, "float32"),
             precision="float32",
             tolerance=1e-3,
         )

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.image import Image
+from persfs_cl._cl.layout import Layout
 from persfs_cl.masks import SWEPT
 
 
 def first_account(
     images: Sequence[Image],
+    layout: Layout,
     part: tuple[int, int],
     *,
     before: int,
@@ -25,6 +27,8 @@ def first_account(
     Parameters
     ----------
     images : sequence of Image
+    layout : Layout
+        Of the largest of them.
     part : (int, int)
         Rows and columns of a part.
     before : int
@@ -40,9 +44,8 @@ def first_account(
         0 for parts in which nothing is swept, and around those of the image.
     """
     high, wide = part
-    height, width = (max(lengths) for lengths in zip(*(image.flags.shape for image in images), strict=True))
-    across = max(first_column + width, last_column)
-    swept = np.zeros((len(images), -(-height // high) * high, -(-across // wide) * wide), bool)
+    across = max(first_column + layout.width, last_column)
+    swept = np.zeros((len(images), -(-layout.height // high) * high, -(-across // wide) * wide), bool)
     for image, inside in zip(images, swept, strict=True):
         rows, columns = image.flags.shape
         np.not_equal(image.flags & SWEPT, 0, out=inside[:rows, first_column : first_column + columns])

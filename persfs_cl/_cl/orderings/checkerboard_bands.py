@@ -66,14 +66,11 @@ class CheckerboardBands(Ordering):
         """Of the images, and of the bands."""
         return images * (1 + self._bands(layout))
 
-    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
+    def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
         """Of segments of bands, see the kernel."""
-        if not self.rests:
-            return np.zeros((len(images), 1), np.int32)
-        height, width = (max(lengths) for lengths in zip(*(image.flags.shape for image in images), strict=True))
-        layout = self.layout((height, width))
         return first_account(
             images,
+            layout,
             (self.band_rows, 2 * _SEGMENT * self.lanes),
             before=_BEFORE,
             border=1,

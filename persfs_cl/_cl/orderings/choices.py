@@ -33,7 +33,7 @@ def wavefront(setup: Setup) -> Ordering:
     kind: type[Strips] = WavefrontStrips
     if pixels <= _SMALL_PIXELS or (setup.images >= groups and pixels <= _CACHED_PIXELS):
         kind, groups = WavefrontImages, min(setup.images, groups)
-    order = {"second_order": setup.second_order, "only_lower": setup.only_lower, "rests": setup.rests}
+    order = {"second_order": setup.second_order, "only_lower": setup.only_lower}
     return kind(wide, work_groups=groups, **order)
 
 
@@ -46,8 +46,7 @@ def checkerboard(setup: Setup) -> Ordering:
         return Checkerboard()
     if pixels <= _SMALL_PIXELS:
         groups = min(setup.images, groups)
-    rows = -(-_BAND_PIXELS // setup.shape[1])
-    return CheckerboardBands(wide, band_rows=rows, work_groups=groups, rests=setup.rests)
+    return CheckerboardBands(wide, band_rows=-(-_BAND_PIXELS // setup.shape[1]), work_groups=groups)
 
 
 def _resources(setup: Setup) -> tuple[int, int, int]:

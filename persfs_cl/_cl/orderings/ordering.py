@@ -44,7 +44,7 @@ class Setup:
     precision : {"float32", "float64"}
     shape : tuple of int
     images : int
-    second_order, only_lower, rests : bool
+    second_order, only_lower : bool
         See :class:`Ordering`.
     """
 
@@ -54,7 +54,6 @@ class Setup:
     images: int
     second_order: bool = False
     only_lower: bool = False
-    rests: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,6 +92,8 @@ class Ordering:
         Iterations of second order that may be wanted for each of first order.
     numbers_a_sweep : int
         By which a sweep is counted in its account of changes, see :meth:`last_changes`.
+    counts_tiles : bool
+        Whether that account is one of tiles, see kernels/shared/tiles.cl.
     lanes : int
         Cells that a work-item updates at once: see kernels/shared/prelude.cl.
     second_order : bool
@@ -101,8 +102,8 @@ class Ordering:
         Let the corrected values only fall.
     rests : bool
         Leave alone, in each sweep, what cannot change: where neither a part of an image nor what it reads has changed
-        since the last sweep in the same direction. Not for images with renewed boundary cells, which change between
-        sweeps. An ordering that keeps no account of changes has it without effect.
+        since the last sweep in the same direction. Sweeps must then come in turn, in all four directions. An ordering
+        that keeps no account of changes has it without effect.
     """
 
     file: ClassVar[str]
@@ -118,6 +119,7 @@ class Ordering:
     numbers_a_cell: ClassVar[int] = 3
     corrections: ClassVar[int] = 2
     numbers_a_sweep: ClassVar[int] = 1
+    counts_tiles: ClassVar[bool] = False
 
     lanes: int = 1
     second_order: bool = False
@@ -127,7 +129,7 @@ class Ordering:
     @classmethod
     def of(cls: type[Self], setup: Setup) -> Self:
         """With the usual sizes."""
-        return cls(second_order=setup.second_order, only_lower=setup.only_lower, rests=setup.rests)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower)
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -153,17 +155,12 @@ class Ordering:
         """Length of `sync`, integers that the kernel keeps over the whole run, zero at first; 0 when it has none."""
         return 0
 
-    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32] | None:
-        """The account that the kernel keeps as `changed` of which sweep changed a part of an image last; None if none.
+    def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
+        """The account that the kernel keeps as `changed`, of which sweep changed a part of an image last.
 
-        Where parts rest by it, sweeps must come in turn, in all four directions.
+        Shape (images, ...), asked for where parts rest by it.
         """
-        return None
-
-    @property
-    def counts_tiles(self) -> bool:
-        """Whether that account is one of tiles, see kernels/shared/tiles.cl."""
-        return False
+        return np.zeros((len(images), 1), np.int32)
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """Queue `count` sweeps, the first in the direction `number`, and give the event of the first launch."""

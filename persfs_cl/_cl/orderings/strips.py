@@ -33,6 +33,7 @@ class Strips(Ordering):
     """
 
     vectors_down: ClassVar[bool] = True
+    counts_tiles: ClassVar[bool] = True
 
     vectors: int = 3
     work_groups: int = 1
@@ -52,16 +53,9 @@ class Strips(Ordering):
         """The last strip may reach past the image; lanes lean out by a strip's height and a block."""
         return Layout.padded(shape, -shape[0] % self.strip_rows + self.margin, self.strip_rows + 2 * self.lanes)
 
-    def last_changes(self, images: Sequence[Image]) -> NDArray[np.int32]:
+    def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
         """Of tiles, see kernels/shared/tiles.cl."""
-        if not self.rests:
-            return np.zeros((len(images), 1), np.int32)
-        return first_account(images, (self.lanes, self.lanes), before=_BEFORE, border=_BORDER)
-
-    @property
-    def counts_tiles(self) -> bool:
-        """Where blocks rest."""
-        return self.rests
+        return first_account(images, layout, (self.lanes, self.lanes), before=_BEFORE, border=_BORDER)
 
     def _sizes(self) -> tuple[str, ...]:
         return f"rows: {self.strip_rows}", f"groups: {self.work_groups}"

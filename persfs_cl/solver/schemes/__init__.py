@@ -15,7 +15,7 @@ SCHEMES: dict[str, Scheme] = {scheme.name: scheme for scheme in (LaxFriedrichs()
 AUTO = "auto"
 
 
-def scheme_for(name: str, light: Light, reflectance: Reflectance, boundary: str = AUTO) -> Scheme:
+def scheme_for(name: str, light: Light, reflectance: Reflectance, boundary: str) -> Scheme:
     """The scheme of a name, "auto" resolved: upwind where there is one, and it has the boundary, else the paper's.
 
     Raises
