@@ -108,7 +108,7 @@ def accuracy(plan: Plan) -> Iterator[list[Record]]:
 
     Under a parallel light the frame of the image is known, under a flash nothing.
     """
-    sizes = [size for size in plan.edges(_SIZES) if size <= plan.size(_LARGEST_SIZE)]
+    sizes = plan.edges_up_to(_SIZES, _LARGEST_SIZE)
     for scene, scheme in product(SCENES, SCHEMES):
         yield refined(plan, scene, scheme, sizes)
 
@@ -177,7 +177,7 @@ def ambiguity(plan: Plan) -> Iterator[list[Record]]:
 
     A grey error that goes down while the error of the depth stays tells of another surface with the same photograph.
     """
-    sizes = [size for size in plan.edges(_AMBIGUITY_SIZES) if size <= plan.size(_LARGEST_SIZE)]
+    sizes = plan.edges_up_to(_AMBIGUITY_SIZES, _LARGEST_SIZE)
     for true, size in product(REFINED, sizes):
         yield _explained(plan, "ambiguity", true, _parallel_hill("frontal", "toward", true, size))
 
@@ -187,7 +187,7 @@ def lamp(plan: Plan) -> Iterator[list[Record]]:
 
     The upwind scheme has the lamp in its equation; the Lax-Friedrichs scheme has it at the camera, and takes rounds.
     """
-    for aside, size in product(LAMP_ASIDE, [size for size in plan.edges(_LAMP_SIZES) if size <= plan.size()]):
+    for aside, size in product(LAMP_ASIDE, plan.edges_up_to(_LAMP_SIZES)):
         scene = ps.hillside((size, size), light=ps.FlashLight(offset=(aside, 0.0, 0.0)), surface="toward")
         for scheme in LAMP_SCHEMES:
             with warnings.catch_warnings():

@@ -45,8 +45,7 @@ def calls(plan: Plan) -> Iterator[list[Record]]:
         yield _over_plain_c(plan, plan.size(), 1)
         yield _over_plain_c(plan, plan.size(_BATCH_SIZE), max(plan.batch))
     if Upwind.name in schemes:
-        sizes = [size for size in plan.edges(_CONVERGED_SIZES) if size <= plan.size(_CONVERGED_SIZES[-1])]
-        for light, size in product(LIGHTS, sizes):
+        for light, size in product(LIGHTS, plan.edges_up_to(_CONVERGED_SIZES, _CONVERGED_SIZES[-1])):
             yield _over_fast_marching(plan, light, size)
 
 
@@ -73,8 +72,8 @@ def small_image(plan: Plan) -> Iterator[list[Record]]:
 def _over_plain_c(plan: Plan, size: int, images: int) -> list[Record]:
     """Rates of whole calls, as if they were sweeps and nothing else, and the rate of plain sweeps."""
     baselines, skipped = available("calls", (PLAIN_C,), size, plan.precision)
-    # As a yardstick of the kernels' own it is in other experiments, and here it would take most of the time.
-    wholes = [_whole(plan, size, images, ordering) for ordering in plan.orderings if ordering != "lexicographic"]
+    # The yardstick of the kernels' own is in other experiments, and here it would take most of the time.
+    wholes = [_whole(plan, size, images, ordering) for ordering in plan.parallel_orderings]
     return measured(plan, "calls", size, plan.precision, [*wholes, *baselines], images=images) + skipped
 
 
@@ -140,8 +139,7 @@ def _over_fast_marching(plan: Plan, light: str, size: int) -> list[Record]:
         for name, detail in details.items()
     ]
     if FAST_MARCHING in timings:
-        pairs = zip(timings[FAST_MARCHING].wall, timings[Upwind.name].wall, strict=True)
-        speeds = [other / own for other, own in pairs]
+        speeds = timings[FAST_MARCHING].over(timings[Upwind.name])
         name = f"{light}, {Upwind.name}"
         records.append(Record.of(speeds, workload=name, quantity=SPEED, unit="×", precision=plan.precision, **common))
     return records + skipped

@@ -43,11 +43,9 @@ def distance(plan: Plan) -> Iterator[list[Record]]:
     The limit is that of the scheme, in double precision, iterated until nothing changes; both orderings have the same.
     At second order there is none to compare with: rounding decides at some pixels which neighbours are taken.
     """
-    sizes = [size for size in plan.edges(_SIZES) if size <= plan.size(_SIZES[-1])]
-    # That of the lexicographic order is the wavefront's, to the bit.
-    orderings = [ordering for ordering in plan.orderings if ordering != "lexicographic"]
+    sizes = plan.edges_up_to(_SIZES, _SIZES[-1])
     for (photograph, make), size, scheme in product(PHOTOGRAPHS.items(), sizes, plan.schemes_or(SCHEMES)):
-        names = {ordering: f"{photograph}: {scheme}, {ordering}" for ordering in orderings}
+        names = {ordering: f"{photograph}: {scheme}, {ordering}" for ordering in plan.parallel_orderings}
         if not plan.device.has_float64:
             reason = f"{plan.device} has no double precision."
             yield [skip("distance", name, TRUE, UNIT, size, plan.precision, reason) for name in names.values()]

@@ -67,10 +67,9 @@ def sizes(plan: Plan) -> Iterator[list[Record]]:
 def batch(plan: Plan) -> Iterator[list[Record]]:
     """How the rate of whole iterations depends on the number of images that share launches."""
     size = plan.size(_BATCH_SIZE)
-    shared = [ordering for ordering in plan.orderings if ordering != "lexicographic"]
     for images in plan.batch:
         baselines, skipped = available("batch", (PLAIN_C,), size, plan.precision)
-        workloads = _iterations(plan, size, shared, images=images)
+        workloads = _iterations(plan, size, plan.parallel_orderings, images=images)
         yield measured(plan, "batch", size, plan.precision, [*workloads, *baselines], images=images) + skipped
 
 

@@ -28,7 +28,7 @@ def flash(plan: Plan) -> Iterator[list[Record]]:
 
     The rate is that of the kernels: four sweeps of the pixels of the object an iteration, by the device's own clock.
     """
-    sizes = [size for size in plan.edges(_SIZES) if size <= plan.size(_SIZES[-1])]
+    sizes = plan.edges_up_to(_SIZES, _SIZES[-1])
     photographs: dict[str, Callable[[int], Scene]] = {"bump": _bump, "bump, 2 % noise": _noisy, "bumps": _bumps}
     try:
         photographs[BUNNY] = partial(scanned, stanford_bunny())
@@ -54,9 +54,7 @@ def _bumps(size: int) -> Scene:
 def _measured(plan: Plan, photograph: str, scene: Scene) -> list[Record]:
     calls = {
         ordering: partial(solved, plan, scene, mask=scene.mask, ordering=ordering)
-        # As a yardstick it is in other experiments.
-        for ordering in plan.orderings
-        if ordering != "lexicographic"
+        for ordering in plan.parallel_orderings
     }
     solutions = {ordering: call() for ordering, call in calls.items()}
     timings = timed(plan, {ordering: in_kernels(call) for ordering, call in calls.items()})

@@ -43,10 +43,10 @@ def masked(plan: Plan) -> Iterator[list[Record]]:
             "images": 1,
             "precision": plan.precision,
         }
-        pairs = zip(timings[FRAME].wall, timings[BOX].wall, strict=True)
+        ratios = timings[FRAME].over(timings[BOX])
         yield [
             *(time_record(timings[what], workload=f"{name}: {what}", detail=details[what], **common) for what in calls),
-            Record.of([frame / box for frame, box in pairs], workload=name, quantity=RATIO, unit="", **common),
+            Record.of(ratios, workload=name, quantity=RATIO, unit="", **common),
         ]
 
 

@@ -69,6 +69,15 @@ class Plan:
         sizes = self.edges((wanted,))
         return max((size for size in sizes if size <= wanted), default=min(sizes))
 
+    def edges_up_to(self, usual: tuple[int, ...], largest: int = _STANDARD_SIZE) -> list[int]:
+        """The same, without those that take too long; the smallest at least."""
+        return [size for size in self.edges(usual) if size <= self.size(largest)]
+
+    @property
+    def parallel_orderings(self) -> list[str]:
+        """Those that use the device's units: what the lexicographic order comes to is the wavefront's, to the bit."""
+        return [ordering for ordering in self.orderings if ordering != "lexicographic"]
+
     def schemes_or(self, usual: tuple[str, ...] = SCHEMES[:1]) -> tuple[str, ...]:
         """The schemes asked for, or else the usual ones."""
         return self.schemes or usual

@@ -166,17 +166,25 @@ def _fast_marching(records: Records) -> str:
     return markdown_table(header, rows, words=1, remarks=True)
 
 
-def _flash(records: Records) -> str:
-    rows: dict[tuple[str, str], dict[str, Record]] = {}
+def _by_quantity(records: Records) -> dict[tuple[str, str], dict[str, Record]]:
+    """Of each workload and size, what was found of it."""
+    places: dict[tuple[str, str], dict[str, Record]] = {}
     for record in records:
-        rows.setdefault((record.workload, _pixels(record)), {})[record.quantity] = record
+        places.setdefault((record.workload, _pixels(record)), {})[record.quantity] = record
+    return places
+
+
+def _iterations(record: Record) -> str:
+    return "" if record.iteration is None else str(record.iteration)
+
+
+def _flash(records: Records) -> str:
     cells = []
-    for place, found in rows.items():
+    for place, found in _by_quantity(records).items():
         time, pixels, rate = (found.get(quantity) for quantity in (TIME, PIXELS, RATE))
         told = ["" if record is None else number(record.median) for record in (pixels, rate)]
         if time is not None:
-            iterations = "" if time.iteration is None else str(time.iteration)
-            cells.append((*place, iterations, _value(time), number(time.by_device), *told))
+            cells.append((*place, _iterations(time), _value(time), number(time.by_device), *told))
     header = ("photograph: ordering", "pixels", "iterations", _MILLISECONDS, "of these on the device", PIXELS_UNIT)
     return markdown_table((*header, f"kernels, {RATE_UNIT}"), cells, words=1)
 
@@ -198,18 +206,14 @@ def _masked(records: Records) -> str:
 
 
 def _distance(records: Records) -> str:
-    rows: dict[tuple[str, str], dict[str, Record]] = {}
-    for record in records:
-        rows.setdefault((record.workload, _pixels(record)), {})[record.quantity] = record
     cells = []
-    for (workload, pixels), found in rows.items():
+    for (workload, pixels), found in _by_quantity(records).items():
         photograph, _, solver = workload.partition(": ")
-        iterations = found[limits.TRUE].iteration
         told = [
             _value(found[quantity]) if quantity in found else ""
             for quantity in (limits.ESTIMATE, limits.TRUE, limits.RATIO)
         ]
-        cells.append((photograph, solver, pixels, "" if iterations is None else str(iterations), *told))
+        cells.append((photograph, solver, pixels, _iterations(found[limits.TRUE]), *told))
     header = ("photograph", "scheme, ordering", "pixels", "iterations", "estimate", "truth", "estimate over truth")
     return markdown_table(header, cells, words=2)
 

@@ -55,6 +55,10 @@ class Timing:
         """How many `units` a second, in each repeat, when one unit of work holds so many of them."""
         return [units / seconds for seconds in self.wall]
 
+    def over(self, other: Timing) -> list[float]:
+        """How many times as long this takes as another one of the same rounds, in each of them."""
+        return [own / others for own, others in zip(self.wall, other.wall, strict=True)]
+
     def device_rates(self, units: float) -> list[float]:
         """The same by the device's own clock."""
         return [units / seconds for seconds in self.device]
