@@ -16,9 +16,9 @@ from persfs_cl.pipeline.manifest import Record, now
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.workers import Setting, Worker
 
-_FEWEST, _MOST = 8, 256
-"""Tasks that a device has in hand, at the least and at most: enough to read while it solves, and for small photos to
-share launches."""
+_FEWEST, _FEWEST_ALONE, _MOST = 8, 24, 256
+"""Tasks that a device has in hand, at the least, at the least where it is the only one, and at most: enough to read and
+to write while it solves, and for small photos to share launches."""
 _SECONDS_AHEAD = 3.0
 """In between, as many as it does in this time: more would leave other devices with nothing at the end."""
 _MEASURED_EVERY = 0.5
@@ -181,7 +181,8 @@ class Crew:
 
     def _feed(self, member: _Member, source: Iterator[Task]) -> None:
         worker = member.worker
-        while worker is not None and len(member.tasks) < min(_MOST, max(_FEWEST, member.window)) and not member.alone:
+        fewest = _FEWEST if len(self._living()) > 1 else _FEWEST_ALONE
+        while worker is not None and len(member.tasks) < min(_MOST, max(fewest, member.window)) and not member.alone:
             task = self._next(member, source)
             if task is None:
                 return

@@ -1,12 +1,14 @@
-"""One device at work: threads that read, one that solves, threads that write, all at once.
+"""One device at work: threads that read, that solve, and that make results and write them, all at once.
 
-What is held at any time is bounded: a photo is read only when there is room for all that will come of it, by its number
-of pixels, and gives the room back when its results are written. A photo that is larger than all the room is taken when
-there is nothing else.
+Two threads solve, so that one gets its photos onto the device while that works on those of the other. What is held at
+any time is bounded: a photo is read only when there is room for all that will come of it, by its number of pixels, and
+gives the room back when its results are written. A photo that is larger than all the room is taken when there is
+nothing else.
 """
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 import time
@@ -30,17 +32,17 @@ from persfs_cl.pipeline.room import Room, bytes_for
 from persfs_cl.pipeline.store import Shelf
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
-from persfs_cl.solver.pieces import pieces
+from persfs_cl.solver.pieces import busy_pixels, pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes import SCHEMES
-from persfs_cl.solver.solve import solve
+from persfs_cl.solver.solve import Attempt, attempt, finish, told
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import Heard, hearing
 
 _ROOM_OF_READERS = 4
 """Photos that wait to be written for each writer: more would only hold memory."""
-
+_SOLVERS = 2
 
 End = Literal["done", "failed", "dropped", "unfit", "device"]
 
@@ -102,6 +104,7 @@ class _Work:
     known: dict[str, Any] = field(default_factory=dict)
     ready: PreparedJob | None = None
     problem: Problem | None = None
+    attempted: Attempt | None = None
     solved: PhotoSolution | None = None
 
     @property
@@ -156,9 +159,9 @@ class Station:
         self._to_write: queue.Queue[_Work | None] = queue.Queue(_ROOM_OF_READERS * writers)
         self._stopped = threading.Event()
         self._readers = [threading.Thread(target=self._read_all, daemon=True) for _ in range(readers)]
-        self._solver = threading.Thread(target=self._solve_all, daemon=True)
+        self._solvers = [threading.Thread(target=self._solve_all, daemon=True) for _ in range(_SOLVERS)]
         self._writers = [threading.Thread(target=self._write_all, daemon=True) for _ in range(writers)]
-        for thread in (*self._readers, self._solver, *self._writers):
+        for thread in (*self._readers, *self._solvers, *self._writers):
             thread.start()
 
     def add(self, task: Task) -> None:
@@ -173,7 +176,7 @@ class Station:
         """Wait until everything that was added has an outcome. Nothing can be added any more."""
         for _ in self._readers:
             self._inbox.put(None)
-        for thread in (*self._readers, self._solver):
+        for thread in (*self._readers, *self._solvers):
             thread.join()
         for _ in self._writers:
             self._to_write.put(None)
@@ -184,6 +187,8 @@ class Station:
         while (task := self._inbox.get()) is not None:
             work = _Work(task)
             with self._ending(work):
+                with self._changed:
+                    self._changed.wait_for(lambda: self._waiting < _SOLVERS * busy_pixels(self._device))
                 self._read(work)
                 with self._changed:
                     self._ready.append(work)
@@ -205,6 +210,11 @@ class Station:
             work.ready = prepare(inputs)
             work.problem = pose(work.ready, self._options)
 
+    @property
+    def _waiting(self) -> int:
+        """Pixels that have been read and that no solver has taken."""
+        return sum(math.prod(work.shape) for work in self._ready)
+
     def _solve_all(self) -> None:
         while group := self._next_group():
             self._solve(group)
@@ -220,19 +230,19 @@ class Station:
             group = [waiting[number] for number in members]
             for work in group:
                 self._ready.remove(work)
+            self._changed.notify_all()
             return group
 
     def _solve(self, group: Sequence[_Work]) -> None:
         began = time.perf_counter()
         problems = [work.problem for work in group if work.problem is not None]
         watch = Watch(lambda _iteration, _change: self._stopped.is_set())
-        solutions: list[Solution] = []
         said: list[Heard] = []
         with self._ending(*group):
             self._require_going()
             try:
                 with hearing() as said:
-                    solutions = solve(self._device, problems, self._options, watch)
+                    attempts = attempt(self._device, problems, self._options, watch, range(len(problems)))
             except Exception:
                 if len(group) == 1:
                     raise
@@ -240,25 +250,34 @@ class Station:
                 for work in group:
                     self._solve([work])
                 return
-            if any(solution.status is Status.STOPPED for solution in solutions):
+            if any(each.status is Status.STOPPED for each in attempts):
                 self._require_going()
         if group[0].problem is None:
             return  # they have ended
         share = (time.perf_counter() - began) / len(group)
-        for place, (work, solution) in enumerate(zip(group, solutions, strict=True)):
+        for place, (work, attempted) in enumerate(zip(group, attempts, strict=True)):
             work.seconds["solve"] = share
             work.said += [one.message for one in said if one.place in (None, place)]
-            with self._ending(work):
-                assert work.ready is not None  # noqa: S101 - for the type checker
-                total = solution.elapsed.total + work.seconds["prepare"]
-                solution = replace(solution, elapsed=replace(solution.elapsed, total=total))  # noqa: PLW2901
-                work.solved = finished(work.ready, solution)
-                work.ready = work.problem = None
-                self._to_write.put(work)
+            work.attempted, work.problem = attempted, None
+            self._to_write.put(work)
+
+    def _finish(self, work: _Work) -> None:
+        """Make a solution of what the device made of a photo, which is no more for it to do."""
+        assert work.ready is not None  # noqa: S101 - for the type checker
+        assert work.attempted is not None  # noqa: S101 - for the type checker
+        began = time.perf_counter()
+        with hearing() as said:
+            [solution] = told([finish(self._device, work.attempted, self._options)], [0])
+        work.said += [one.message for one in said]
+        work.seconds["solve"] += time.perf_counter() - began
+        total = solution.elapsed.total + work.seconds["prepare"]
+        work.solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
+        work.ready = work.attempted = None
 
     def _write_all(self) -> None:
         while (work := self._to_write.get()) is not None:
             with self._ending(work):
+                self._finish(work)
                 if self._shelf is None:
                     record = self._record(work, ())
                 else:
@@ -291,7 +310,7 @@ class Station:
         }
 
     def _end(self, work: _Work, outcome: Outcome) -> None:
-        work.ready = work.problem = work.solved = None
+        work.ready = work.problem = work.attempted = work.solved = None
         try:
             self._put(outcome)
         finally:

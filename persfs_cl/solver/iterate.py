@@ -120,6 +120,16 @@ class Iteration:
             for problem, image, status in zip(problems, self.images, self.statuses, strict=True)
         ]
 
+    def split(self) -> list[Iteration]:
+        """One for each image, with its share of the time, so that none holds the others."""
+        build, kernels = (seconds / len(self.images) for seconds in (self.build_seconds, self.kernel_seconds))
+        return [
+            Iteration([image], [changes], [status], [distance], self.variant, build, kernels)
+            for image, changes, status, distance in zip(
+                self.images, self.changes, self.statuses, self.distances, strict=True
+            )
+        ]
+
 
 @dataclass
 class Watch:

@@ -17,20 +17,24 @@ from persfs_cl._cl.device import Device
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.solve import Finished, attempt, finish, solve, told
+from persfs_cl.solver.solve import Attempt, Finished, attempt, finish, solve, told
 from persfs_cl.surface.solution import Solution
 
 _FULL = 3 / 4
 """Share of the largest image of a piece that each of its others has at least: it takes as long as that one."""
 
 _MOST_PIXELS = {"cpu": 2**21, "gpu": 2**24}
-"""Pixels of a piece by the kind of device: enough to keep it busy, and more than that would only hold memory."""
 
 _IMAGES_A_PROCESSOR = 4
 """Images of a piece for each processor, where one takes whole images."""
 
 _WHOLE_IMAGES = 2**20
 """Up to so many pixels a processor may take a whole image, see :mod:`persfs_cl._cl.orderings.choices`."""
+
+
+def busy_pixels(device: Device) -> int:
+    """Pixels of a piece that keep a device busy: more than that would only hold memory."""
+    return _MOST_PIXELS.get(device.kind, _MOST_PIXELS["cpu"])
 
 
 def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) -> list[list[int]]:
@@ -55,7 +59,7 @@ def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) ->
         # Index arithmetic within an array is done in 32 bits here and there, hence the second bound.
         cells = (height + 96) * (width + 96)
         most = min(device.memory // (4 * cells * bytes_a_pixel), 2**30 // cells)
-        useful = _MOST_PIXELS.get(device.kind, _MOST_PIXELS["cpu"]) // (height * width)
+        useful = busy_pixels(device) // (height * width)
         if height * width <= _WHOLE_IMAGES:
             useful = max(useful, _IMAGES_A_PROCESSOR * device.compute_units)
         count = -(-len(numbers) // max(1, min(most, useful)))
@@ -110,16 +114,20 @@ def solve_in_pieces(
             problems = coming.result()
             if place + 1 < len(numbers):
                 coming = helpers.submit(made_ready, numbers[place + 1])
-            attempted = attempt(device, problems, options, watch, members)
+            attempts = attempt(device, problems, options, watch, members)
             del problems
             while finishing:
                 yield from _told(*finishing.popleft())
-            finishing.append((members, helpers.submit(finish, device, attempted, options)))
-            del attempted
+            finishing.append((members, helpers.submit(_finished, device, attempts, options)))
+            del attempts
         yield from _told(*finishing.popleft())
     finally:
         # After an error, or Ctrl-C, what has begun is soon done.
         helpers.shutdown(cancel_futures=True)
+
+
+def _finished(device: Device, attempts: Sequence[Attempt], options: Options) -> list[Finished]:
+    return [finish(device, each, options) for each in attempts]
 
 
 def _told(members: Sequence[int], finishing: Future[list[Finished]]) -> Iterator[tuple[int, Solution]]:

@@ -23,26 +23,33 @@ from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 
 
-@dataclass
+@dataclass(frozen=True)
 class Attempt:
-    """What the device made of problems that share launches.
+    """What the device made of a problem.
 
     Attributes
     ----------
-    problems : list of Problem
+    problem : Problem
     run : Iteration
-    surfaces : list of (ndarray, ndarray), or None
-        None where they are still to be made of the values of the run.
-    rounds : list of int, or None
-        Runs of each, for a lamp that takes rounds.
+        Of its image alone.
+    surface : (ndarray, ndarray), or None
+        None where it is still to be made of the values of the run.
+    rounds : int or None
+        Runs, for a lamp that takes rounds.
     seconds : float
+        Its share of those of all that shared launches.
     """
 
-    problems: list[Problem]
+    problem: Problem
     run: Iteration
-    surfaces: list[LogDepthAndDepth] | None
-    rounds: list[int] | None
+    surface: LogDepthAndDepth | None
+    rounds: int | None
     seconds: float
+
+    @property
+    def status(self) -> Status:
+        """How the iteration ended."""
+        return self.run.statuses[0]
 
 
 @dataclass(frozen=True)
@@ -76,7 +83,7 @@ def solve(
     Returns
     -------
     list of Solution
-        `elapsed` is an image's share of the time that this took.
+        `elapsed` has an image's share of the time that the sweeps took.
 
     Warns
     -----
@@ -84,63 +91,58 @@ def solve(
         When pixels come out where they cannot be relied on.
     """
     numbers = range(len(problems)) if numbers is None else numbers
-    return told(finish(device, attempt(device, problems, options, watch, numbers), options), numbers)
+    return told([finish(device, each, options) for each in attempt(device, problems, options, watch, numbers)], numbers)
 
 
 def attempt(
     device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None, numbers: Sequence[int]
-) -> Attempt:
+) -> list[Attempt]:
     """Run the sweeps; see :func:`solve`."""
     began = time.perf_counter()
-    run = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
-    surfaces = rounds = None
+    together = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
+    surfaces: Sequence[LogDepthAndDepth | None] = [None] * len(problems)
+    rounds: Sequence[int | None] = [None] * len(problems)
     if problems[0].model.in_rounds:
-        surfaces = run.surfaces(problems)
-        rounds = solve_corrected(device, problems, surfaces, run, options, watch, numbers)
-    return Attempt(list(problems), run, surfaces, rounds, time.perf_counter() - began)
+        surfaces = found = together.surfaces(problems)
+        rounds = solve_corrected(device, problems, found, together, options, watch, numbers)
+    share = (time.perf_counter() - began) / len(problems)
+    return [Attempt(*each, share) for each in zip(problems, together.split(), surfaces, rounds, strict=True)]
 
 
-def finish(device: Device, attempted: Attempt, options: Options) -> list[Finished]:
-    """The solutions of what was run, in any thread: this neither warns nor asks anything of the device."""
+def finish(device: Device, attempted: Attempt, options: Options) -> Finished:
+    """The solution of a problem, once and in any thread: this neither warns nor asks anything of the device."""
     began = time.perf_counter()
-    problems, run = attempted.problems, attempted.run
-    surfaces = attempted.surfaces or run.surfaces(problems)
-    found = []
-    for problem, surface, status in zip(problems, surfaces, run.statuses, strict=True):
-        remarks = (_too_near(problem, surface[1]), _lost(problem, surface[1]) if status is Status.CONVERGED else None)
-        found.append((_Whole.of(problem, surface), tuple(remark for remark in remarks if remark)))
-    share = 1.0 / len(problems)
+    problem, run, status = attempted.problem, attempted.run, attempted.status
+    surface = attempted.surface or run.surfaces([problem])[0]
+    remarks = (_too_near(problem, surface[1]), _lost(problem, surface[1]) if status is Status.CONVERGED else None)
+    whole = _Whole.of(problem, surface)
     total = attempted.seconds + time.perf_counter() - began
-    elapsed = Elapsed(share * total, share * run.kernel_seconds, share * run.build_seconds)
-    solutions = []
-    for place, (problem, (whole, said)) in enumerate(zip(problems, found, strict=True)):
-        solution = Solution(
-            depth=whole.depth,
-            log_depth=whole.log_depth,
-            solved=whole.solved,
-            unreached=whole.unreached,
-            clamped=whole.clamped,
-            iterations=len(run.changes[place]),
-            changes=np.array(run.changes[place]),
-            status=run.statuses[place],
-            distance=run.distances[place],
-            elapsed=elapsed,
-            device=device,
-            image=problem.photograph,
-            camera=problem.camera,
-            light=problem.model.light,
-            reflectance=problem.model.reflectance,
-            parameters={
-                **reported(options),
-                "sweep": run.variant,
-                **({"lamp_rounds": attempted.rounds[place]} if attempted.rounds else {}),
-            },
-            albedo=problem.albedo,
-            walls=whole.walls,
-            discontinuities=whole.discontinuities,
-        )
-        solutions.append(Finished(solution, said))
-    return solutions
+    solution = Solution(
+        depth=whole.depth,
+        log_depth=whole.log_depth,
+        solved=whole.solved,
+        unreached=whole.unreached,
+        clamped=whole.clamped,
+        iterations=len(run.changes[0]),
+        changes=np.array(run.changes[0]),
+        status=status,
+        distance=run.distances[0],
+        elapsed=Elapsed(total, run.kernel_seconds, run.build_seconds),
+        device=device,
+        image=problem.photograph,
+        camera=problem.camera,
+        light=problem.model.light,
+        reflectance=problem.model.reflectance,
+        parameters={
+            **reported(options),
+            "sweep": run.variant,
+            **({"lamp_rounds": attempted.rounds} if attempted.rounds else {}),
+        },
+        albedo=problem.albedo,
+        walls=whole.walls,
+        discontinuities=whole.discontinuities,
+    )
+    return Finished(solution, tuple(remark for remark in remarks if remark))
 
 
 def told(finished: Sequence[Finished], numbers: Sequence[int]) -> list[Solution]:

@@ -19,7 +19,7 @@ from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import crew_settings
-from persfs_cl.solver.solve import solve as solve_problems
+from persfs_cl.solver.solve import Attempt, attempt
 
 Solve = Callable[..., Any]
 
@@ -56,18 +56,18 @@ def test_of_photos_that_share_launches_only_the_one_to_blame_fails(
 ) -> None:
     names = photos(tmp_path / "in", 6)
     shapes = photos(tmp_path / "in", 2, (9, 11), first=50)
-    usual = solve_problems
+    usual = attempt
     groups: list[Any] = []
     released = threading.Event()
 
-    def solve(device: ps.Device, problems: Sequence[Any], *rest: Any) -> list[ps.Solution]:
+    def solve(device: ps.Device, problems: Sequence[Any], *rest: Any) -> list[Attempt]:
         groups.append(len(problems))
         released.wait()
         if any(problem.image.shape == (9, 11) for problem in problems):
             raise ps.DeviceError("It does not fit.")
         return usual(device, problems, *rest)
 
-    monkeypatch.setattr(station, "solve", solve)
+    monkeypatch.setattr(station, "attempt", solve)
 
     def wait_a_moment(device: Station) -> None:
         # Some may have been taken by themselves; all others are ready then.
@@ -91,7 +91,7 @@ def test_a_device_that_works_no_more_says_so(tmp_path: Path, monkeypatch: pytest
     def broken(*_: Any) -> None:
         raise ps.DeviceError("It is broken.")
 
-    monkeypatch.setattr(station, "solve", broken)
+    monkeypatch.setattr(station, "attempt", broken)
     monkeypatch.setattr(health, "solve", broken)
     assert {name: outcome.end for name, outcome in outcomes(tmp_path).items()} == dict.fromkeys(names, "device")
 
@@ -102,7 +102,7 @@ def test_a_device_that_works_is_in_no_trouble(light: Any, device: ps.Device) -> 
     assert health.trouble(device, setting.options) is None
 
 
-@pytest.mark.parametrize("step", ["read_job", "prepare", "solve", "write"])
+@pytest.mark.parametrize("step", ["read_job", "prepare", "attempt", "finish", "write"])
 @pytest.mark.parametrize(
     ("error", "why"),
     [
@@ -117,9 +117,11 @@ def test_whatever_fails_is_one_photo(
     usual = getattr(station, step)
 
     def failing(*arguments: Any, **keywords: Any) -> Any:
-        if step == "solve":
+        if step == "attempt":
             # By what it looks like: problems have no names.
             chosen = any(problem.photograph.max() == bright for problem in arguments[1])
+        elif step == "finish":
+            chosen = arguments[1].problem.photograph.max() == bright
         elif step == "write":
             chosen = keywords["name"] == "00001.png"
         else:
