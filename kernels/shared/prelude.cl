@@ -5,7 +5,7 @@
  * LANES       1, 2, 4 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an
  *             integer of the same width. At most as many as a vector register holds: see registers.cl.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
- * ONLY_LOWER  0 or 1: whether values only fall; they may rise by the correction to second order.
+ * ONLY_LOWER  0 or 1: whether values only fall; 0 for the correction to second order, and what is accelerated.
  * FUSED       1: multiply-add is the built-in fma; 0: a product and a sum that the compiler contracts, for drivers in
  *             which fma is a function call.
  * BUILTINS    1: the compiler's own functions for square root, prefetch and fence, which OpenCL C lacks or which are

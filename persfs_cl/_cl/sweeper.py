@@ -11,6 +11,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from persfs_cl._cl.anderson import Mixer
 from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
@@ -52,7 +53,7 @@ class Sweeper:
     second_order : bool
         Correct converged values of the upwind scheme to second order.
     only_lower : bool
-        With that, let values only fall.
+        Let values only fall; False assigns what a cell is found to have.
     rests : bool
         Leave alone what cannot change, by schemes that settle, as long as no boundary is renewed between the sweeps;
         False computes every cell in every sweep. The values are the same.
@@ -82,7 +83,7 @@ class Sweeper:
         tolerance: float = 0.0,
         linear: bool = False,
         second_order: bool = False,
-        only_lower: bool = False,
+        only_lower: bool = True,
         rests: bool = True,
     ) -> None:
         self._device = device
@@ -172,6 +173,10 @@ class Sweeper:
     def variant(self) -> str:
         """What the ordering is called on the device."""
         return self.ordering.file
+
+    def mixer(self) -> Mixer:
+        """To accelerate the iteration by what it came to before."""
+        return Mixer(self._run, self._real.name)
 
     @property
     def queued_at_least(self) -> int:

@@ -20,7 +20,7 @@ from persfs_cl.solver.reconstruct import reconstruct
 Measure = Callable[[Array], Errors]
 """Tells the errors of a depth map."""
 
-PAPERS_OWN: dict[str, Any] = {"scheme": "lax-friedrichs", "stopping": "change"}
+PAPERS_OWN: dict[str, Any] = {"scheme": "lax-friedrichs", "stopping": "change", "acceleration": False}
 """What the paper's method is, as keywords of :func:`persfs_cl.reconstruct`."""
 
 

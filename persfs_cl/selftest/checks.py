@@ -235,6 +235,7 @@ class Checks:
                 precision=case.precision,
                 linear=case.boundary == "extrapolate",
                 second_order=second_order,
+                only_lower=not second_order,
             )
 
         sweeper, seconds = _timed(built)

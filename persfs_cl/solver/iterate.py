@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
+from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
 from persfs_cl.solver.distance import distance_to_limit
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
@@ -26,6 +27,9 @@ _FREE_CORRECTIONS = 40
 
 _QUEUE_SECONDS = 0.03
 """Iterations are queued so many at a time as take about this long: few waits, and Ctrl-C is still heard at once."""
+
+_MARGIN = 2.0
+"""Of the estimated distance, by which mixtures may have come out too low."""
 
 _STEP = math.sqrt(0.5)
 """From one threshold of the change to the next: some iterations too many at most, and few waits."""
@@ -53,7 +57,15 @@ class Iteration:
         images = [problem.kernel_arguments for problem in problems]
         run = cls(images, [[] for _ in images], [Status.CONVERGED] * len(images), [math.nan] * len(images), "")
         kernels = problems[0].kernels
-        run._advance(device, kernels, options, callback)
+        by_distance = options["acceleration"] and options["stopping"] == "distance"
+        accelerated = [place for place, problem in enumerate(problems) if by_distance and problem.accelerates]
+        plain = [place for place in range(len(problems)) if place not in accelerated]
+        run._advance(device, kernels, options, callback, accelerated, only_lower=False, accelerated=True)
+        for place in accelerated:
+            if run.statuses[place] is Status.MAX_ITERATIONS and len(run.changes[place]) < options["max_iterations"]:
+                run._raise(problems[place], place)
+                plain.append(place)
+        run._advance(device, kernels, options, stop_at_once if Status.STOPPED in run.statuses else callback, plain)
         if options["accuracy_order"] == 2:
             corrected = [place for place, status in enumerate(run.statuses) if status is Status.CONVERGED]
             first_order = {place: run.images[place].log_depth.copy() for place in corrected}
@@ -62,7 +74,7 @@ class Iteration:
                     # What does not settle may have gone anywhere.
                     for place in corrected:
                         run.images[place].log_depth[:] = first_order[place]
-                run._advance(device, kernels, options, callback, corrected, only_lower=only_lower)
+                run._advance(device, kernels, options, callback, corrected, second_order=True, only_lower=only_lower)
                 corrected = [place for place in corrected if run.statuses[place] is Status.MAX_ITERATIONS]
         return run
 
@@ -72,12 +84,13 @@ class Iteration:
         kernels: Sequence[str],
         options: Options,
         callback: Callback | None,
-        corrected: Sequence[int] | None = None,
+        places: Sequence[int],
         *,
-        only_lower: bool = False,
+        second_order: bool = False,
+        only_lower: bool = True,
+        accelerated: bool = False,
     ) -> None:
-        """Iterate from where the images are: all at first order, or some that are `corrected` to second order."""
-        places = range(len(self.images)) if corrected is None else corrected
+        """Iterate some images from where they are."""
         most = options["max_iterations"]
         for place in places:
             self.statuses[place] = Status.MAX_ITERATIONS
@@ -94,24 +107,34 @@ class Iteration:
             precision=options["precision"],
             tolerance=stop.tolerance,
             linear=options["boundary"] == "extrapolate",
-            second_order=corrected is not None,
+            second_order=second_order,
             only_lower=only_lower,
         )
         self.build_seconds += time.perf_counter() - began
         done = [len(self.changes[place]) for place in places]
         limits = [most - count for count in done]
-        if corrected is not None and not only_lower:
+        if second_order and not only_lower:
             # Where the surface is smooth this is ample; what still changes is decided one way or the other.
             ample = [max(_FREE_CORRECTIONS, sweeper.ordering.corrections * count) for count in done]
             limits = [min(pair) for pair in zip(limits, ample, strict=True)]
         self.variant = sweeper.variant
-        changes, statuses = _iterate(sweeper, limits, stop, callback, max(done))
+        iterations = _Iterations(sweeper, limits, callback, max(done))
+        ends = (_accelerate if accelerated else _iterate)(iterations, sweeper, stop)
         self.kernel_seconds += sweeper.kernel_seconds
         sweeper.copy_log_depth(self.images[place].log_depth for place in places)
         for number, place in enumerate(places):
-            self.changes[place] += changes[number]
-            self.statuses[place] = statuses[number]
-            self.distances[place] = stop.distance(changes[number])
+            self.changes[place] += iterations.changes[number]
+            self.statuses[place] = ends.statuses[number]
+            self.distances[place] = ends.distances[number]
+
+    def _raise(self, problem: Problem, place: int) -> None:
+        """Put an image above its limit, whatever mixtures have made of it, so that values that only fall reach that."""
+        margin = _MARGIN * self.distances[place]
+        values = self.images[place].log_depth
+        if math.isfinite(margin):
+            values[problem.domain.solved] += margin
+        else:
+            values[:] = problem.start
 
     def surfaces(self, problems: Sequence[Problem]) -> list[LogDepthAndDepth]:
         """Log depth, in the place of the values, and depth of each image."""
@@ -177,53 +200,120 @@ class _Stop:
         return threshold * _STEP ** max(1, steps)
 
 
-def _iterate(
-    sweeper: Sweeper, limits: Sequence[int], stop: _Stop, callback: Callback | None, done: int
-) -> tuple[list[list[float]], list[Status]]:
-    """Iterate until every image has converged, and record each one's changes.
+class _Iterations:
+    """Those of a sweeper, and the changes of each image.
 
-    `limits` says how many iterations of each image there may be; `done` is what the callback counts on from.
+    `limits` says how many there may be of each image; `done` is what the callback counts on from.
     """
-    changes: list[list[float]] = [[] for _ in range(sweeper.count)]
-    statuses = [Status.MAX_ITERATIONS] * sweeper.count
+
+    def __init__(self, sweeper: Sweeper, limits: Sequence[int], callback: Callback | None, done: int) -> None:
+        self.changes: list[list[float]] = [[] for _ in range(sweeper.count)]
+        self.done = done
+        self.stopped = False
+        self._sweeper, self._limits, self._callback = sweeper, limits, callback
+        # A callback may stop the run after any iteration, so that with one none may be queued in advance.
+        self._queued = 1 if callback else sweeper.queued_at_least
+
+    def left(self, image: int) -> int:
+        """How many there may still be."""
+        return self._limits[image] - len(self.changes[image])
+
+    def run(self, going: Set[int], threshold: float, most: int | None = None) -> set[int]:
+        """Some iterations of images, at `most` so many; gives those of which the last met the threshold, and rest."""
+        began = time.perf_counter()
+        counts = [self._queued, *([] if most is None else [most]), *map(self.left, going)]
+        resting: set[int] = set()
+        for row in self._sweeper.run(min(counts)):
+            active = sorted(going - resting)
+            if not active or self.stopped:
+                break
+            self.done += 1
+            for image in active:
+                self.changes[image].append(float(row[image]))
+                if row[image] <= threshold:
+                    resting.add(image)
+            if self._callback is not None:
+                self.stopped = bool(self._callback(self.done, max(float(row[image]) for image in active)))
+        if self._callback is None:
+            seconds = time.perf_counter() - began
+            least, most_useful = self._sweeper.queued_at_least, int(min(counts) * _QUEUE_SECONDS / seconds)
+            self._queued = max(least, min(4 * self._queued, most_useful))
+        return resting
+
+
+@dataclass
+class _Ends:
+    """How the iteration of each image ended, and how far it is from its limit."""
+
+    statuses: list[Status]
+    distances: list[float]
+
+    @classmethod
+    def of(cls, count: int) -> _Ends:
+        """As long as they go on."""
+        return cls([Status.MAX_ITERATIONS] * count, [math.nan] * count)
+
+    def stop(self, images: Iterable[int]) -> None:
+        """Those that still went on."""
+        for image in images:
+            self.statuses[image] = Status.STOPPED
+
+
+def _iterate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends:
+    """Iterate until every image has converged."""
+    ends = _Ends.of(sweeper.count)
+    changes = iterations.changes
     thresholds = dict.fromkeys(range(sweeper.count), stop.tolerance)
-    queued = 1 if callback else sweeper.queued_at_least
-    while thresholds:
+    while thresholds and not iterations.stopped:
         threshold = max(thresholds.values())
         going = {image for image, own in thresholds.items() if own == threshold}
         resting: set[int] = set()
-        stopped = False
-        while going and not stopped:
+        while going and not iterations.stopped:
             sweeper.go_on(going, threshold)
-            began = time.perf_counter()
-            rows = sweeper.run(min(queued, *(limits[image] - len(changes[image]) for image in going)))
-            for row in rows:
-                if not going or stopped:
-                    break
-                done += 1
-                largest = max(float(row[image]) for image in going)
-                for image in sorted(going):
-                    changes[image].append(float(row[image]))
-                    if row[image] <= threshold:
-                        resting.add(image)
-                    elif len(changes[image]) == limits[image]:
-                        del thresholds[image]
-                going -= resting
-                going &= thresholds.keys()
-                stopped = callback is not None and bool(callback(done, largest))
-            # A callback may stop the run after any iteration, so that with one none may be queued in advance.
-            if callback is None:
-                seconds = time.perf_counter() - began
-                queued = max(sweeper.queued_at_least, min(4 * queued, int(queued * _QUEUE_SECONDS / seconds)))
+            resting |= iterations.run(going, threshold)
+            for image in going - resting:
+                if not iterations.left(image):
+                    del thresholds[image]
+            going -= resting
+            going &= thresholds.keys()
         for image in resting:
             if stop.met(changes[image]):
-                statuses[image] = Status.CONVERGED
-            if statuses[image] is Status.CONVERGED or len(changes[image]) == limits[image]:
+                ends.statuses[image] = Status.CONVERGED
+            if ends.statuses[image] is Status.CONVERGED or not iterations.left(image):
                 del thresholds[image]
             else:
                 thresholds[image] = stop.lower(threshold, changes[image][-1])
-        if stopped:
-            for image in thresholds:
-                statuses[image] = Status.STOPPED
-            break
-    return changes, statuses
+    ends.distances = [stop.distance(own) for own in changes]
+    if iterations.stopped:
+        ends.stop(thresholds)
+    return ends
+
+
+def _accelerate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends:
+    """Iterate with mixtures in between, until each image has converged or mixtures help no more."""
+    ends = _Ends.of(sweeper.count)
+    mixer = sweeper.mixer()
+    images = [Acceleration() for _ in range(sweeper.count)]
+    going = set(range(sweeper.count))
+    while going and not iterations.stopped:
+        sweeper.go_on(going, 0.0)
+        until = iterations.done + ITERATIONS
+        while going and iterations.done < until and not iterations.stopped:
+            for image in iterations.run(going, 0.0, until - iterations.done):
+                ends.statuses[image] = Status.CONVERGED
+                images[image].distance = stop.distance(iterations.changes[image])
+                going.remove(image)
+            going = {image for image in going if iterations.left(image)}
+        due = [image for image in sorted(going) if images[image].is_due(iterations.changes[image][-1])]
+        if due and not iterations.stopped:
+            found = dict(zip(due, mixer.products(due), strict=True))
+            mixer.mix({image: images[image].weights(products) for image, products in found.items()})
+            for image in due:
+                if images[image].distance <= stop.tolerance:
+                    ends.statuses[image] = Status.CONVERGED
+            going -= {image for image in due if images[image].gives_up}
+            going = {image for image in going if ends.statuses[image] is not Status.CONVERGED}
+    ends.distances = [image.distance for image in images]
+    if iterations.stopped:
+        ends.stop(going)
+    return ends

@@ -185,6 +185,15 @@ class Options(TypedDict, total=False):
             choices=_STOPPINGS,
         ),
     ]
+    acceleration: Annotated[
+        bool,
+        Option(
+            True,
+            as_flag,
+            "Mix what the last iterations of lax-friedrichs came to, which takes a third of the iterations; under a "
+            "parallel light, and as long as no boundary flows out or is extrapolated.",
+        ),
+    ]
     max_slope: Annotated[
         float | None,
         Option(

@@ -64,6 +64,15 @@ class Problem(Given):
         )
 
     @property
+    def accelerates(self) -> bool:
+        """Whether its limit is the same wherever the iteration begins, so that it may be accelerated.
+
+        Under a flash the first values are bounds. Boundary cells only fall, eq. (12): their limit depends on the way.
+        """
+        bounded = self.model.light.determines_depth
+        return self.scheme.accelerates and not bounded and not len(self.domain.boundary.cells)
+
+    @property
     def start(self) -> Array:
         """First values of W, less `level`, in an array of their own."""
         known = self.domain.known

@@ -102,6 +102,11 @@ def reconstruct(
     stopping : {"distance", "change"}
         What the tolerance bounds: that distance or, as in the paper, max |ΔZ| over an iteration, which may be hundreds
         of times less.
+    acceleration : bool
+        Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
+        about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
+        It is without effect with ``stopping="change"``, under a flash with fall-off, and where the boundary flows out
+        or is extrapolated.
     max_slope : float, optional
         Bound on |dZ/dx| and |dZ/dy| between neighbouring pixels, along which Z climbs. It matters where the equation
         itself sets none, see `Solution.clamped`, and where the surface is steeper still. 30, a surface seen at 2° from
@@ -175,7 +180,7 @@ def reconstruct_batch(
         not converged; returning True stops these, and all that have not begun.
     light, reflectance, surface, boundary, scheme, ordering, accuracy_order
         As for :func:`reconstruct`, the same for all images.
-    max_iterations, tolerance, stopping, max_slope, device, precision, throw
+    max_iterations, tolerance, stopping, acceleration, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
 
     Returns

@@ -243,8 +243,9 @@ def test_kernels_compile_without_warnings(device: ps.Device, precision: str) -> 
         ps.FlashLight(offset=(0.1, 0.0, 0.0)),
     )
     for light, scheme in zip(lights, (parallel, headlight, flash, beside), strict=True):
-        second: list[Ordering] = [WavefrontTiles(second_order=True)]
-        for ordering in [*second, *([WavefrontStrips(wide, vectors=1, second_order=True)] if wide > 1 else [])]:
+        second: list[Ordering] = [WavefrontTiles(second_order=True, only_lower=False)]
+        strips = WavefrontStrips(wide, vectors=1, second_order=True, only_lower=False)
+        for ordering in [*second, *([strips] if wide > 1 else [])]:
             program(device, [*scheme, *ordering.kernels], precision, ordering.definitions, fields(light))
     program(device, ["light_cone", "parallel_light", "render"], precision, None, fields(ps.ParallelLight()))
 

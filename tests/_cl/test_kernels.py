@@ -328,7 +328,7 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
 def test_tunings_give_the_bits_of_lexicographic_at_second_order(
     device: Device, precision: str, ordering: Ordering
 ) -> None:
-    ordering = replace(ordering, second_order=True)
+    ordering = replace(ordering, second_order=True, only_lower=False)
     assert_lexicographic_bits(device, precision, ordering, "upwind oblique toward", largest=140)
 
 
@@ -588,8 +588,10 @@ def test_strips_handed_back_are_taken_up_again(device: Device, work_groups: int,
     problems = [random_problem(seed, (150, 90 + seed), boundary="wall", **setup) for seed in range(3)]
     if second_order:
         problems = [with_first_order(problem, device, "float32") for problem in problems]
-    impatient = WavefrontStrips(8, vectors=1, work_groups=work_groups, polls=1, second_order=second_order)
-    plain = replace(LEXICOGRAPHIC, second_order=second_order)
+    impatient = WavefrontStrips(
+        8, vectors=1, work_groups=work_groups, polls=1, second_order=second_order, only_lower=not second_order
+    )
+    plain = replace(LEXICOGRAPHIC, second_order=second_order, only_lower=not second_order)
     for problem in problems:
         one = sweeper(problem, device, "float32", plain)
         expected_changes = one.run(4)

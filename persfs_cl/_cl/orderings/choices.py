@@ -43,10 +43,11 @@ def checkerboard(setup: Setup) -> Ordering:
         return ThreeColours.of(setup)
     wide, groups, pixels = _resources(setup)
     if wide == 1:
-        return Checkerboard()
+        return Checkerboard.of(setup)
     if pixels <= _SMALL_PIXELS:
         groups = min(setup.images, groups)
-    return CheckerboardBands(wide, band_rows=-(-_BAND_PIXELS // setup.shape[1]), work_groups=groups)
+    rows = -(-_BAND_PIXELS // setup.shape[1])
+    return CheckerboardBands(wide, band_rows=rows, work_groups=groups, only_lower=setup.only_lower)
 
 
 def _resources(setup: Setup) -> tuple[int, int, int]:

@@ -53,7 +53,7 @@ class Setup:
     shape: tuple[int, int]
     images: int
     second_order: bool = False
-    only_lower: bool = False
+    only_lower: bool = True
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Ordering:
     second_order : bool
         Correct the differences of the upwind scheme to second order.
     only_lower : bool
-        Let the corrected values only fall.
+        Let values only fall; False assigns what a cell is found to have.
     rests : bool
         Leave alone, in each sweep, what cannot change: where neither a part of an image nor what it reads has changed
         since the last sweep in the same direction. Sweeps must then come in turn, in all four directions. An ordering
@@ -123,7 +123,7 @@ class Ordering:
 
     lanes: int = 1
     second_order: bool = False
-    only_lower: bool = False
+    only_lower: bool = True
     rests: bool = False
 
     @classmethod
@@ -139,8 +139,9 @@ class Ordering:
     @property
     def definitions(self) -> dict[str, int]:
         """Constants of the program."""
-        order = {"REACH": 2, "ONLY_LOWER": int(self.only_lower)} if self.second_order else {}
-        return {"LANES": self.lanes, **order}
+        # What is usual is left to prelude.cl.
+        reach = {"REACH": 2} if self.second_order else {}
+        return {"LANES": self.lanes, **reach, **({} if self.only_lower else {"ONLY_LOWER": 0})}
 
     @property
     def margin(self) -> int:

@@ -19,6 +19,7 @@ class LaxFriedrichs(Scheme):
 
     name: ClassVar[str] = "lax-friedrichs"
     boundaries: ClassVar[tuple[str, ...]] = ("outflow", "extrapolate", "fixed", "wall")
+    accelerates: ClassVar[bool] = True
 
     def model(self, light: Light, reflectance: Reflectance) -> Model:
         """See :meth:`Scheme.model`."""

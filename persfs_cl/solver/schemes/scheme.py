@@ -39,6 +39,8 @@ class Scheme(ABC):
         Of accuracy.
     same_iterates : bool
         Whether kernels and reference have the same values after each sweep, and not only in the limit.
+    accelerates : bool
+        Whether it takes so many iterations that mixtures of them pay, and has one limit from wherever it begins.
     settles : bool
         Whether most cells soon keep their value, so that it pays to keep account of which still change.
     why_no_other_boundary : str
@@ -54,6 +56,7 @@ class Scheme(ABC):
     highest_order: ClassVar[int] = 1
     same_iterates: ClassVar[bool] = True
     outside: ClassVar[float | None] = None
+    accelerates: ClassVar[bool] = False
     settles: ClassVar[bool] = False
 
     @abstractmethod
