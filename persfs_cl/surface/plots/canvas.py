@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140
 _NO_SURFACE = "0.88"
-_SLENDEREST = 8.0
+SLENDEREST = 8.0
+"""A map that is longer is stretched to so many times its width, or height."""
 MAP_SAMPLES = 1000
 # Matplotlib is not thread-safe, even when every thread has a figure of its own.
 _drawing = threading.Lock()
@@ -76,26 +77,19 @@ def load_matplotlib() -> ModuleType:
 
 
 @contextmanager
-def new_figure(path: FilePath, width: float, height: float, *, arrange: bool = True) -> Iterator[Figure]:
-    """An empty figure of a size in inches; it becomes the PNG file when the block has drawn on it."""
+def new_figure(path: FilePath, width: float = 10.0, height: float = 10.0) -> Iterator[Figure]:
+    """An empty figure of a size in inches, which may be changed; it becomes the PNG file when the block has ended."""
     with _drawing, matplotlib_defaults():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="compressed" if arrange else None)
+        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH)
         canvas = FigureCanvasAgg(figure)
         yield figure
         with atomic_path(path) as temporary:
             # Without the metadata the same input gives the same bytes under every version number.
             # Not by savefig(), which would go through everything twice.
             canvas.print_png(temporary, metadata={"Software": None})  # type: ignore[no-untyped-call]
-
-
-def size_of(image: Array, panels: int = 1) -> tuple[float, float]:
-    """Width and height in inches of a figure with some copies of the image side by side and a colour bar."""
-    aspect = np.clip(image.shape[1] / image.shape[0], 1 / 3, 3)
-    side = 4.6 if panels == 1 else 3.6
-    return panels * (side * np.sqrt(aspect) + 0.5) + 1.0, side / np.sqrt(aspect) + 0.9
 
 
 def show(
@@ -113,7 +107,7 @@ def show(
     """
     height, width = image.shape
     slenderness = width / height
-    stretch = slenderness / np.clip(slenderness, 1 / _SLENDEREST, _SLENDEREST)
+    stretch = slenderness / np.clip(slenderness, 1 / SLENDEREST, SLENDEREST)
     low, high = limits or (np.nanmin(image), np.nanmax(image))
     down, right = (max(1, size // MAP_SAMPLES) for size in image.shape)
     shown = image if down == right == 1 else (thin or _means)(image, down, right)
@@ -122,10 +116,10 @@ def show(
     # Blocks may end behind the last pixel.
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     axes.set_facecolor(_NO_SURFACE)
-    axes.set_title(title, fontsize=11)
+    # The numbers at the upper ends of axes are half above them.
+    axes.set_title(title, fontsize=11, pad=9)
     axes.set_xlabel("column (px)")
     axes.set_ylabel("row (px)")
-    axes.label_outer()
     axes.locator_params(integer=True, min_n_ticks=1)
     return picture
 

@@ -13,7 +13,8 @@ from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, atomic_path
 from persfs_cl.metrics import compare
 from persfs_cl.surface import geometry as surface
-from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of_blocks, require_finite, show, size_of
+from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of_blocks, require_finite, show
+from persfs_cl.surface.plots.panels import Panels
 
 # Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
 _REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
@@ -53,10 +54,11 @@ def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, uni
     """
     z = surface.depth_array(depth)
     require_finite("depth", z)
-    with new_figure(path, *size_of(z)) as figure:
-        picture = show(figure.add_subplot(), z, title, "viridis_r")
-        place = "bottom" if z.shape[1] > 3 * z.shape[0] else "right"
-        figure.colorbar(picture, location=place, label=f"depth ({unit})").long_axis.set_inverted(True)
+    with new_figure(path) as figure:
+        panels = Panels(figure, z.shape)
+        picture = show(panels.axes[0], z, title, "viridis_r")
+        panels.add_bar(0, picture, f"depth ({unit})").long_axis.set_inverted(True)
+        panels.arrange()
 
 
 def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
@@ -201,8 +203,9 @@ def comparison_picture(
     # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
     limit = max(float(np.percentile(sizes, 99, overwrite_input=True)), 1.0)
 
-    with new_figure(path, *size_of(difference, panels=3)) as figure:
-        left, middle, right = figure.subplots(1, 3, sharey=True)
+    with new_figure(path) as figure:
+        panels = Panels(figure, difference.shape, 3)
+        left, middle, right = panels.axes
         show(left, given, photo_title, "gray", (0.0, 255.0))
         show(middle, again, "Re-rendered", "gray", (0.0, 255.0))
         picture = show(
@@ -212,13 +215,9 @@ def comparison_picture(
             "RdBu_r",
             (-limit, limit),
         )
-        figure.colorbar(
-            picture,
-            label=f"re-rendered − {photo_title.lower()} (grey levels)",
-            extend="both" if errors.maximum > limit else "neither",
-        )
-        if title:
-            figure.suptitle(title)
+        label = f"re-rendered − {photo_title.lower()} (grey levels)"
+        panels.add_bar(2, picture, label, extend="both" if errors.maximum > limit else "neither")
+        panels.arrange(title)
 
 
 def confidence_picture(
@@ -280,20 +279,20 @@ def confidence_picture(
     ]
     hundredths = 100.0 * errors
     low, high = np.nanpercentile(hundredths, (1, 99))
-    with new_figure(path, *size_of(errors, panels=2)) as figure:
-        left, right = figure.subplots(1, 2, sharey=True)
+    with new_figure(path) as figure:
+        panels = Panels(figure, errors.shape, 2)
+        left, right = panels.axes
         picture = show(left, hundredths, "Slope error for a brightness\n1 % wrong (bright: worse)", "cividis")
         # Wider than a flat surface needs, for a scale of one value has no colours.
         picture.set_norm(LogNorm(low / 1.01, high * 1.01))
-        place = "bottom" if errors.shape[1] > 3 * errors.shape[0] else "right"
         label = "change of tan θ, in hundredths;\nθ: angle between normal and light"
-        bar = figure.colorbar(picture, location=place, label=label, extend="both")
+        bar = panels.add_bar(0, picture, label, extend="both")
         bar.long_axis.set_major_formatter("{x:g}")
         bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
         limits = (-0.5, len(colours) - 0.5)
         show(right, classes, "Unreliable, and why", ListedColormap(colours), limits, thin=_first_reasons)
-        figure.legend(handles=patches, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-        figure.suptitle(title)
+        legend = figure.legend(handles=patches, loc="lower center", ncols=2, frameon=False, fontsize=9)
+        panels.arrange(title, legend)
 
 
 def _first_reasons(classes: Array, down: int, right: int) -> Array:

@@ -118,7 +118,7 @@ def relief_picture(
     extent = np.maximum(extent, 0.05 * (extent.max() or centre[2]))
     panel_width, panel_height = _oblique_size(extent)
     width, height = panel_width * len(colours), panel_height
-    with new_figure(path, width, height, arrange=False) as figure:
+    with new_figure(path, width, height) as figure:
         for index, colour in enumerate(colours):
             # Matplotlib keeps these axes square: a square larger than the panel, centred, wastes no paper.
             left = (index + 0.5) * panel_width - _SOLID_INCHES / 2 - 0.25
