@@ -56,15 +56,15 @@ def a_holed_bump() -> Array:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
-    """The figures that were saved, so that a test can read what they say."""
+    """The figures that were drawn, so that a test can read what they say."""
     figures: Drawn = []
-    save = FigureCanvasAgg.print_png
+    draw = FigureCanvasAgg.draw
 
-    def remember(canvas: FigureCanvasAgg, *arguments: Any, **keywords: Any) -> None:
+    def remember(canvas: FigureCanvasAgg) -> None:
         figures.append(canvas.figure)
-        save(canvas, *arguments, **keywords)  # type: ignore[no-untyped-call]
+        draw(canvas)  # type: ignore[no-untyped-call]
 
-    monkeypatch.setattr(FigureCanvasAgg, "print_png", remember)
+    monkeypatch.setattr(FigureCanvasAgg, "draw", remember)
     return figures
 
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath, atomic_path
+from persfs_cl.io.export import write_png
+from persfs_cl.io.files import FilePath
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,10 +87,10 @@ def new_figure(path: FilePath, width: float = 10.0, height: float = 10.0) -> Ite
         figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH)
         canvas = FigureCanvasAgg(figure)
         yield figure
-        with atomic_path(path) as temporary:
-            # Without the metadata the same input gives the same bytes under every version number.
-            # Not by savefig(), which would go through everything twice.
-            canvas.print_png(temporary, metadata={"Software": None})  # type: ignore[no-untyped-call]
+        canvas.draw()
+        pixels = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    # Not by Matplotlib, which takes longer, writes names and versions, and would keep others from drawing.
+    write_png(path, pixels)
 
 
 def show(

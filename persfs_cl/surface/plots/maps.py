@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath, atomic_path
+from persfs_cl.io.export import write_png
+from persfs_cl.io.files import FilePath
 from persfs_cl.metrics import compare
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of_blocks, require_finite, show
@@ -133,17 +134,7 @@ def normals_picture(path: FilePath, normals: ArrayLike) -> None:
     ...     path.read_bytes()[1:4]
     b'PNG'
     """
-    import imagecodecs
-
-    # For a smooth image these are as small as what takes five times as long.
-    data = imagecodecs.png_encode(
-        normals_rgb(normals),
-        level=imagecodecs.PNG.COMPRESSION.SPEED,
-        strategy=imagecodecs.PNG.STRATEGY.RLE,
-        filter=imagecodecs.PNG.FILTER.PAETH,
-    )
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
+    write_png(path, normals_rgb(normals))
 
 
 def comparison_picture(
