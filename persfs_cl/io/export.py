@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_array, check_choice
 from persfs_cl.colour import encode_srgb, quantised
 from persfs_cl.errors import InputError
@@ -99,7 +100,9 @@ def write_grey(
         raise InputError.about("bits", bits, "is impossible: give 8 or 16.")
     check_choice("encoding", encoding, ("srgb", "linear"))
     values = _grey_array(image, "image")
-    levels = quantised(encode_srgb(values) if encoding == "srgb" else values, bits)
+    levels = np.empty(values.shape, np.uint8 if bits == 8 else np.uint16)
+    for rows in row_blocks((values.shape[0], values.shape[1])):
+        levels[rows] = quantised(encode_srgb(values[rows]) if encoding == "srgb" else values[rows], bits)
     if suffix == ".png":
         write_png(target, levels)
         return

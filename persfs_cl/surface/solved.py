@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
 if TYPE_CHECKING:
     import trimesh
 
+_Value = TypeVar("_Value")
 Unreliable = Mapping[str, Mask]
 _BRIGHTEST = 1e100
 """More than any brightness; what is multiplied by it still has a double-precision number."""
@@ -230,8 +232,26 @@ class SolvedSurface:
         return Derived(self, unreliable).confidence
 
 
+class _Once(Generic[_Value]):
+    """What an object computes when it is first asked for, while other threads that ask wait for it.
+
+    `functools.cached_property` has one lock for all objects, or none, as Python's version goes.
+    """
+
+    def __init__(self, compute: Callable[[Derived], _Value]) -> None:
+        self._compute, self._name, self.__doc__ = compute, compute.__name__, compute.__doc__
+
+    def __get__(self, derived: Derived, _: type[Derived]) -> _Value:
+        lock, values = derived.memory[self._name]
+        with lock:
+            if not values:
+                values.append(self._compute(derived))
+            value: _Value = values[0]
+            return value
+
+
 class Derived:
-    """What several files of a surface are made from, each computed once, when first asked for.
+    """What several files of a surface are made from, each computed once, when first asked for by any thread.
 
     In a large photograph these arrays take more memory than all the rest: they live as long as this object, or until
     :meth:`release`.
@@ -246,18 +266,19 @@ class Derived:
     def __init__(self, surface: SolvedSurface, unreliable: Unreliable | None = None) -> None:
         self.surface = surface
         self._unreliable = unreliable
+        self.memory: defaultdict[str, tuple[threading.Lock, list[Any]]] = defaultdict(lambda: (threading.Lock(), []))
 
-    @cached_property
+    @_Once
     def normals(self) -> Array:
         """See :meth:`SolvedSurface.normals`."""
         return self.surface.normals()
 
-    @cached_property
+    @_Once
     def rendered(self) -> Array:
         """See :meth:`SolvedSurface.render`."""
         return self.surface.render()
 
-    @cached_property
+    @_Once
     def prepared_residual(self) -> metrics.Errors:
         """Difference between the re-rendered image and the one that was solved; see :meth:`residual`."""
         return self._residual(self.surface.image)
@@ -282,7 +303,7 @@ class Derived:
         seen *= grey
         return metrics.compare(seen, grey * given)
 
-    @cached_property
+    @_Once
     def confidence(self) -> Confidence:
         """See :meth:`SolvedSurface.confidence`."""
         unreliable, surface = self._unreliable, self.surface
@@ -301,4 +322,4 @@ class Derived:
     def release(self) -> None:
         """Forget the arrays, for the memory; what is asked for again is computed again."""
         for name in ("normals", "rendered", "confidence"):
-            self.__dict__.pop(name, None)
+            self.memory.pop(name, None)

@@ -9,7 +9,7 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.export import write_png
 from persfs_cl.io.files import FilePath
+from persfs_cl.surface.plots.blocks import Blocks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +33,6 @@ _DOTS_PER_INCH = 140
 _NO_SURFACE = "0.88"
 SLENDEREST = 8.0
 """A map that is longer is stretched to so many times its width, or height."""
-MAP_SAMPLES = 1000
 # Matplotlib is not thread-safe, even when every thread has a figure of its own.
 _drawing = threading.Lock()
 
@@ -94,26 +94,17 @@ def new_figure(path: FilePath, width: float = 10.0, height: float = 10.0) -> Ite
 
 
 def show(
-    axes: Axes,
-    image: Array,
-    title: str,
-    cmap: str | Colormap,
-    limits: tuple[float, float] | None = None,
-    thin: Callable[[Array, int, int], Array] | None = None,
+    axes: Axes, numbers: Array, blocks: Blocks, title: str, cmap: str | Colormap, limits: tuple[float, float]
 ) -> AxesImage:
-    """Image on axes in pixels, light grey where it is NaN; of a large one, means of blocks or what `thin` makes of it.
+    """Numbers of blocks on axes in pixels, with colours between limits, light grey where they are NaN.
 
     Pixels are square, unless the image is so slender that nothing could be seen of it, nor of its colour bar.
-    Unless there are limits, colours are for the range of all pixels.
     """
-    height, width = image.shape
+    height, width = blocks.shape
+    low, high = limits
     slenderness = width / height
     stretch = slenderness / np.clip(slenderness, 1 / SLENDEREST, SLENDEREST)
-    low, high = limits or (np.nanmin(image), np.nanmax(image))
-    down, right = (max(1, size // MAP_SAMPLES) for size in image.shape)
-    shown = image if down == right == 1 else (thin or _means)(image, down, right)
-    extent = (-0.5, shown.shape[1] * right - 0.5, shown.shape[0] * down - 0.5, -0.5)
-    picture = axes.imshow(shown, cmap=cmap, vmin=low, vmax=high, aspect=float(stretch), extent=extent)
+    picture = axes.imshow(numbers, cmap=cmap, vmin=low, vmax=high, aspect=float(stretch), extent=blocks.extent)
     # Blocks may end behind the last pixel.
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     axes.set_facecolor(_NO_SURFACE)
@@ -123,28 +114,6 @@ def show(
     axes.set_ylabel("row (px)")
     axes.locator_params(integer=True, min_n_ticks=1)
     return picture
-
-
-def of_blocks(combine: np.ufunc, values: Array, down: int, right: int) -> Array:
-    """One number for every block of so many pixels down and to the right; at the end there may be fewer."""
-    height, width = values.shape
-    # Along rows first: neighbours in memory.
-    along_rows = combine.reduceat(values, np.arange(0, width, right), axis=1)
-    return np.asarray(combine.reduceat(along_rows, np.arange(0, height, down)))
-
-
-def _means(values: Array, down: int, right: int) -> Array:
-    """Means of blocks, over what is not NaN."""
-    there = ~np.isnan(values)
-    if there.all():
-        # How many each block has follows from its place.
-        rows, columns = (
-            np.diff(np.r_[0:size:step, size]) for size, step in zip(values.shape, (down, right), strict=True)
-        )
-        return np.asarray(of_blocks(np.add, values, down, right) / (rows[:, None] * columns))
-    total = of_blocks(np.add, np.where(there, values, 0.0), down, right)
-    count = of_blocks(np.add, there.astype(np.float64), down, right)
-    return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
 
 def require_finite(name: str, values: Array) -> None:
