@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 
 MAP_SAMPLES = 1000
+_Number = TypeVar("_Number", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -51,19 +53,37 @@ class Blocks:
 
     def means(self, values: Array) -> Array:
         """Mean of each block over what is not NaN, of all rows or of some."""
-        there = ~np.isnan(values)
         if self.down == self.right == 1:
             return values
-        total = self.combined(np.add, values if there.all() else np.where(there, values, 0.0))
+        there = ~np.isnan(values)
+        if there.all():
+            rows, columns = map(_sizes, values.shape, (self.down, self.right))
+            return np.asarray(self.combined(np.add, values) / (rows[:, None] * columns))
+        total = self.combined(np.add, np.where(there, values, 0.0))
         count = self.combined(np.add, there.astype(np.float64))
         return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
-    def combined(self, combine: np.ufunc, values: NDArray[np.generic]) -> NDArray[np.generic]:
-        """One number for every block."""
-        # Along rows first: neighbours in memory.
-        along_rows = combine.reduceat(values, np.arange(0, values.shape[1], self.right), axis=1)
-        return np.asarray(combine.reduceat(along_rows, np.arange(0, len(values), self.down)))
+    def combined(self, combine: np.ufunc, values: NDArray[_Number]) -> NDArray[_Number]:
+        """One number for every block, of all rows or of some."""
+        # Rows first: each is one piece of memory.
+        return _folded(combine, _folded(combine, values, self.down).T, self.right).T
 
     def collected(self, numbers: Callable[[slice], Array]) -> Array:
         """What a function makes of rows of whole blocks, for the whole image."""
         return np.concatenate([numbers(rows) for rows in self.rows()])
+
+
+def _sizes(size: int, step: int) -> Array:
+    """How many there are in each step."""
+    return np.diff(np.r_[0:size:step, size]).astype(np.float64)
+
+
+def _folded(combine: np.ufunc, values: NDArray[_Number], step: int) -> NDArray[_Number]:
+    """So many neighbours along the first axis made one, and what is left at the end."""
+    whole = len(values) // step * step
+    found = values[:whole:step].copy(order="K")
+    for offset in range(1, step):
+        combine(found, values[offset:whole:step], out=found)
+    if whole == len(values):
+        return found
+    return np.concatenate([found, combine.reduce(values[whole:], axis=0, keepdims=True)])
