@@ -336,9 +336,15 @@ def _skirt(points: Array, faces: NDArray[np.int32], reach: float) -> tuple[NDArr
     is the plane that the camera sees as a line: it costs to leave that line, and nothing to stay on it.
     """
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = edges.min(axis=1).astype(np.int64) * len(points) + edges.max(axis=1)
-    _, first, count = np.unique(keys, return_index=True, return_counts=True)
-    begin, end = edges[first[count == 1]].T
+    # In the order of its ends, with a bit for its direction: sorted, what both sides have lies side by side.
+    first, last = edges.T
+    keys = (np.minimum(first, last).astype(np.int64) * len(points) + np.maximum(first, last)) * 2 + (first > last)
+    keys.sort()
+    new = np.diff(keys >> 1) != 0
+    alone = keys[np.r_[True, new] & np.r_[new, True]]
+    low, high = (ends.astype(np.int32) for ends in np.divmod(alone >> 1, len(points)))
+    turned = alone % 2 == 1
+    begin, end = np.where(turned, high, low), np.where(turned, low, high)
     rim = np.unique(np.concatenate([begin, end]))
     begin_below, end_below = (len(points) + np.searchsorted(rim, ends).astype(np.int32) for ends in (begin, end))
     hanging = np.concatenate(

@@ -61,7 +61,7 @@ class Blocks:
             return np.asarray(self.combined(np.add, values) / (rows[:, None] * columns))
         total = self.combined(np.add, np.where(there, values, 0.0))
         count = self.combined(np.add, there.astype(np.float64))
-        return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+        return np.asarray(np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0))
 
     def combined(self, combine: np.ufunc, values: NDArray[_Number]) -> NDArray[_Number]:
         """One number for every block, of all rows or of some."""
@@ -75,7 +75,7 @@ class Blocks:
 
 def _sizes(size: int, step: int) -> Array:
     """How many there are in each step."""
-    return np.diff(np.r_[0:size:step, size]).astype(np.float64)
+    return np.asarray(np.diff(np.r_[0:size:step, size]), dtype=np.float64)
 
 
 def _folded(combine: np.ufunc, values: NDArray[_Number], step: int) -> NDArray[_Number]:

@@ -87,8 +87,8 @@ def new_figure(path: FilePath, width: float = 10.0, height: float = 10.0) -> Ite
         figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH)
         canvas = FigureCanvasAgg(figure)
         yield figure
-        canvas.draw()
-        pixels = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        canvas.draw()  # type: ignore[no-untyped-call]
+        pixels = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
     # Not by Matplotlib, which takes longer, writes names and versions, and would keep others from drawing.
     write_png(path, pixels)
 

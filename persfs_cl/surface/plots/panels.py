@@ -153,8 +153,8 @@ def _height(text: Text) -> float:
 
 
 def _length(line: str, text: Text, renderer: RendererAgg) -> float:
-    font = text.get_fontproperties()
-    return float(renderer.get_text_width_height_descent(line, font, False)[0] / renderer.dpi)
+    width, _, _ = renderer.get_text_width_height_descent(line, text.get_fontproperties(), False)  # type: ignore[no-untyped-call]
+    return float(width / renderer.dpi)
 
 
 def _break_lines(text: Text, inches: float, renderer: RendererAgg) -> None:
