@@ -172,6 +172,14 @@ def test_relief_leaves_out_the_few_pixels_that_would_shrink_all_others(
     assert ("4 pixels outside the view" in drawn[0].texts[-1].get_text()) == (far > shown)
 
 
+def test_relief_shows_all_of_a_small_object_in_a_large_photograph(tmp_path: Path, drawn: Drawn) -> None:
+    depth = np.full((1200, 2500), np.nan)
+    depth[700:703, 900:904] = np.linspace(2.0, 3.0, 12).reshape(3, 4)
+    plots.relief_picture(tmp_path / "relief.png", depth, Camera(2000.0))
+    assert drawn[0].axes[0].get_zlim() == pytest.approx((3.0, 2.0), abs=0.2)
+    assert "outside" not in drawn[0].texts[-1].get_text()
+
+
 def test_relief_draws_a_large_photograph_with_few_samples(tmp_path: Path, drawn: Drawn) -> None:
     depth = np.full((500, 900), np.nan)
     depth[100:350, 200:700] = a_bump((250, 500))

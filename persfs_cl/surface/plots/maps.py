@@ -217,7 +217,7 @@ def comparison_picture(
         show(middle, maps[:, 1], blocks, "Re-rendered", "gray", (0.0, 255.0))
         heading = f"Difference in grey levels\nME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}"
         picture = show(right, maps[:, 2], blocks, heading, "RdBu_r", (-limit, limit))
-        label = f"re-rendered − {photo_title.lower()} (grey levels)"
+        label = f"re-rendered − {photo_title.lower()}\n(grey levels)"
         panels.add_bar(2, picture, label, extend="both" if errors.maximum > limit else "neither")
         panels.arrange(title)
 

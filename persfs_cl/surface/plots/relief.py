@@ -158,15 +158,17 @@ def _far_off(x: Array, y: Array, z: Array) -> NDArray[np.bool_] | None:
         return np.stack([z[rows] * x[rows], z[rows] * y[rows], z[rows]])
 
     lows, highs, samples = [], [], []
-    every = 1 + z.size // MAP_SAMPLES**2
+    every = 1 + np.count_nonzero(np.isfinite(z)) // MAP_SAMPLES**2
     for rows in row_blocks((z.shape[0], z.shape[1])):
         of_rows = points(rows)
-        lows.append(np.fmin.reduce(of_rows, axis=(1, 2)))
-        highs.append(np.fmax.reduce(of_rows, axis=(1, 2)))
-        samples.append(of_rows.reshape(3, -1)[:, ::every])
-    low, high = np.nanpercentile(np.concatenate(samples, axis=1), (0.5, 99.5), axis=1)[..., None, None]
+        there = of_rows[:, np.isfinite(of_rows[2])]
+        if there.size:
+            lows.append(there.min(axis=1))
+            highs.append(there.max(axis=1))
+            samples.append(there[:, ::every])
+    low, high = np.percentile(np.concatenate(samples, axis=1), (0.5, 99.5), axis=1)[..., None, None]
     longest = (high - low).max()
-    if not (np.fmax.reduce(highs) - np.fmin.reduce(lows)).max() > 2 * longest:
+    if not (np.max(highs, axis=0) - np.min(lows, axis=0)).max() > 2 * longest:
         return None
     margin = longest / 4
     everywhere = points(slice(None))
