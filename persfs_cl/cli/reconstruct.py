@@ -30,6 +30,7 @@ from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options
+from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 
 _REGION = "Region and known values"
@@ -120,7 +121,7 @@ def reconstruct(
         stopped = interrupted()
     try:
         with writing():
-            files = write(result, output, saving)
+            files = write(result, output, saving, threads=threads_for(result.solution.depth.size))
     except KeyboardInterrupt:
         stopped = True
         saving = saving.without("pictures", "page")
@@ -133,7 +134,7 @@ def reconstruct(
             err=True,
         )
         with writing():
-            files = write(result, output, saving)
+            files = write(result, output, saving, threads=threads_for(result.solution.depth.size))
     for file in files:
         typer.echo(file)
     typer.echo(_summary(result), err=True)

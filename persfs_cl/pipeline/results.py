@@ -98,7 +98,9 @@ class PhotoSolution:
         self.__dict__.update(prepared_residual=derived.prepared_residual, photo_residual=photo)
 
 
-def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | None = None) -> list[Path]:
+def write(
+    solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | None = None, threads: int = 1
+) -> list[Path]:
     """Write results to a folder, all that are wanted or none.
 
     Parameters
@@ -108,6 +110,9 @@ def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | No
     saving : Saving
     name : str, optional
         By which pages call the photo; that of its file when not given.
+    threads : int
+        How many files are made at a time: with more than one they take more memory than
+        :func:`persfs_cl.pipeline.room.bytes_for` says.
 
     Returns
     -------
@@ -129,12 +134,15 @@ def write(solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | No
     }
     title = name or solved.photo.path.name
     derived = Derived(solution, unreliable)
-    report = None
-    if "report.json" in saving.files:
+
+    def report() -> dict[str, Any]:
         solved.compare(derived)
-        report = {**solved.report, "grey_levels_photo": _grey_levels(solved)}
+        return {**solved.report, "grey_levels_photo": _grey_levels(solved)}
+
     with filling(folder) as temporary:
-        written = write_files(temporary, solution, saving, derived, colour=solved.photo.colour, report=report)
+        written = write_files(
+            temporary, solution, saving, derived, colour=solved.photo.colour, report=report, threads=threads
+        )
         if not set(PREVIEW).isdisjoint(saving.files):
             written += write_preview(temporary, solution, solved.photo.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from persfs_cl.errors import InputError
 from persfs_cl.io.export import write_grey
 from persfs_cl.io.files import atomic_path, json_text
 from persfs_cl.surface import plots as pictures
+from persfs_cl.surface.jobs import Jobs
 from persfs_cl.surface.solved import Derived, SolvedSurface
 
 if TYPE_CHECKING:
@@ -78,7 +80,12 @@ def drawings(
         ),
         "rendered.png": lambda path: write_grey(path, derived.rendered / white),
         "comparison.png": lambda path: pictures.comparison_picture(
-            path, surface.image, derived.rendered, white=white, photo_title="Prepared photograph"
+            path,
+            surface.image,
+            derived.rendered,
+            white=white,
+            photo_title="Prepared photograph",
+            errors=derived.prepared_residual,
         ),
         "confidence.png": lambda path: pictures.confidence_picture(
             path, derived.confidence.slope_error, derived.confidence.unreliable
@@ -87,7 +94,7 @@ def drawings(
     }
 
 
-def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> list[str]:
+def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]], jobs: Jobs) -> list[str]:
     """Draw pictures, and say which; one that cannot be drawn is left out, with a warning, for nothing depends on it.
 
     Parameters
@@ -96,6 +103,8 @@ def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> li
         Where they become files.
     drawings : mapping of str to callable
         By the file's name, what draws to a path.
+    jobs : Jobs
+        Which of them are done at a time.
 
     Returns
     -------
@@ -107,10 +116,11 @@ def draw_all(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> li
     InputError
         When a file cannot be written.
     """
+    results = {file: jobs.add(partial(draw, folder / file)) for file, draw in drawings.items()}
     drawn = []
-    for file, draw in drawings.items():
+    for file, result in results.items():
         try:
-            draw(folder / file)
+            result()
         except Exception as error:  # whatever a library that draws raises
             # A full disk has room for no other file either: the user chooses another.
             if isinstance(error, InputError) and isinstance(error.__cause__, OSError):

@@ -49,7 +49,7 @@ FILES = (
     PAGE,
     *_MESHES,
 )
-"""All there are, in the order in which they are written: a mesh takes most memory, when nothing else does any more."""
+"""All there are, in the order in which they are told of."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Saving:
     Attributes
     ----------
     files : tuple of str
-        Their names, in the order in which they are written.
+        Their names, in the order in which they are told of.
     mesh_faces : int or None
         A mesh of more triangles is simplified to so many; None keeps all.
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import enum
 import math
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,9 @@ from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.export import write_depth
 from persfs_cl.io.files import FilePath, as_path, filling
-from persfs_cl.surface import plots as pictures
+from persfs_cl.surface import plots
 from persfs_cl.surface.export import draw_all, drawings, unit_of, write_array, write_json, write_mesh
+from persfs_cl.surface.jobs import Jobs, threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, PAGE, PREVIEW, Saving
 from persfs_cl.surface.solved import Derived, SolvedSurface, Unreliable
 
@@ -209,7 +211,15 @@ class Solution(SolvedSurface):
             self._write(target, derived, saving.mesh_faces, colour, report)
             return [target]
         with filling(target) as temporary:
-            written = write_files(temporary, self, saving, derived, colour=colour, report=report)
+            written = write_files(
+                temporary,
+                self,
+                saving,
+                derived,
+                colour=colour,
+                report=lambda: report or {},
+                threads=threads_for(self.depth.size),
+            )
         return [target / name for name in written]
 
     def _write(
@@ -224,7 +234,7 @@ class Solution(SolvedSurface):
         if suffix in (".npy", ".tif", ".tiff"):
             write_depth(target, self.depth)
         elif suffix == ".png":
-            pictures.depth_picture(target, self.depth, unit=unit_of(self))
+            plots.depth_picture(target, self.depth, unit=unit_of(self))
         elif suffix in (".ply", ".obj", ".stl", ".glb"):
             write_mesh(target, self.mesh(colour, mesh_faces=mesh_faces))
         elif suffix == ".json":
@@ -243,9 +253,10 @@ def write_files(
     derived: Derived,
     *,
     colour: NDArray[np.uint8] | None = None,
-    report: Mapping[str, Any] | None = None,
+    report: Callable[[], Mapping[str, Any]] = dict,
+    threads: int = 1,
 ) -> list[str]:
-    """Write files of a surface one by one, all but previews.
+    """Write files of a surface, all but previews.
 
     Parameters
     ----------
@@ -254,9 +265,13 @@ def write_files(
     solution : Solution
     saving : Saving
     derived : Derived
-        Of the solution. It is released before a mesh is made, which takes much memory too.
-    colour, report
+        Of the solution. It is released as soon as nothing needs it: a mesh takes much memory too.
+    colour
         As for :meth:`Solution.save`.
+    report : callable
+        Returns further entries for the report, where there is one.
+    threads : int
+        How many files are made at a time. With one, the memory for a mesh is taken when that for all else is free.
 
     Returns
     -------
@@ -268,24 +283,31 @@ def write_files(
     InputError
         When a file cannot be written.
     """
-    depths = [file for file in saving.files if file in ("depth.npy", "depth.tiff", "depth.tif")]
-    written = [*depths]
-    for file in depths:
-        write_depth(folder / file, solution.depth)
-    if "normals.npy" in saving.files:
-        write_array(folder / "normals.npy", derived.normals.astype(np.float32))
-        written.append("normals.npy")
-    if "report.json" in saving.files:
-        write_json(folder / "report.json", report_of(solution, derived), report)
-        written.append("report.json")
+    made: dict[str, Callable[[], None]] = {
+        file: partial(write_depth, folder / file, solution.depth) for file in ("depth.npy", "depth.tiff", "depth.tif")
+    }
+    made["normals.npy"] = lambda: write_array(folder / "normals.npy", derived.normals.astype(np.float32))
+    made["report.json"] = lambda: write_json(folder / "report.json", report_of(solution, derived), report())
     possible = drawings(solution, derived, solution.changes, solution.parameters["tolerance"], solution.distance)
-    written += draw_all(folder, {file: possible[file] for file in saving.files if file in possible})
-    derived.release()
-    if saving.meshes:
+    drawn = {file: possible[file] for file in saving.files if file in possible}
+
+    def write_meshes() -> None:
         mesh = solution.mesh(colour, mesh_faces=saving.mesh_faces)
         for file in saving.meshes:
             write_mesh(folder / file, mesh)
-    return [*written, *saving.meshes]
+
+    with Jobs(threads) as jobs:
+        # It takes longest, so that it is begun first.
+        meshes = jobs.add(write_meshes) if saving.meshes else None
+        written = [file for file in saving.files if file in made]
+        results = [jobs.add(made[file]) for file in written]
+        pictures = draw_all(folder, drawn, jobs)
+        for result in results:
+            result()
+        derived.release()
+        if meshes is not None:
+            meshes()
+    return [*written, *pictures, *saving.meshes]
 
 
 def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:

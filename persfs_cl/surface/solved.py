@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from persfs_cl import metrics
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import as_floats, as_mask
 from persfs_cl.colour import to_display
@@ -27,6 +29,7 @@ from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
 if TYPE_CHECKING:
     import trimesh
 
+_Value = TypeVar("_Value")
 Unreliable = Mapping[str, Mask]
 _BRIGHTEST = 1e100
 """More than any brightness; what is multiplied by it still has a double-precision number."""
@@ -150,7 +153,8 @@ class SolvedSurface:
             return 1.0
         used = self.solved if self.walls is None else self.solved & ~self.walls
         # Of known pixels the brightness may be anything, or black where a run was ended early.
-        brightest = float(np.fmax.reduce(self.image[used], initial=0.0))
+        looked_at = self.image if used.all() else self.image[used]
+        brightest = float(np.fmax.reduce(looked_at, axis=None, initial=0.0))
         return brightest if brightest * _BRIGHTEST >= 1.0 else 1.0
 
     def render(self) -> Array:
@@ -230,8 +234,26 @@ class SolvedSurface:
         return Derived(self, unreliable).confidence
 
 
+class _Once(Generic[_Value]):
+    """What an object computes when it is first asked for, while other threads that ask wait for it.
+
+    `functools.cached_property` has one lock for all objects, or none, as Python's version goes.
+    """
+
+    def __init__(self, compute: Callable[[Derived], _Value]) -> None:
+        self._compute, self._name, self.__doc__ = compute, compute.__name__, compute.__doc__
+
+    def __get__(self, derived: Derived, _: type[Derived]) -> _Value:
+        lock, values = derived.memory[self._name]
+        with lock:
+            if not values:
+                values.append(self._compute(derived))
+            value: _Value = values[0]
+            return value
+
+
 class Derived:
-    """What several files of a surface are made from, each computed once, when first asked for.
+    """What several files of a surface are made from, each computed once, when first asked for by any thread.
 
     In a large photograph these arrays take more memory than all the rest: they live as long as this object, or until
     :meth:`release`.
@@ -246,18 +268,19 @@ class Derived:
     def __init__(self, surface: SolvedSurface, unreliable: Unreliable | None = None) -> None:
         self.surface = surface
         self._unreliable = unreliable
+        self.memory: defaultdict[str, tuple[threading.Lock, list[Any]]] = defaultdict(lambda: (threading.Lock(), []))
 
-    @cached_property
+    @_Once
     def normals(self) -> Array:
         """See :meth:`SolvedSurface.normals`."""
         return self.surface.normals()
 
-    @cached_property
+    @_Once
     def rendered(self) -> Array:
         """See :meth:`SolvedSurface.render`."""
         return self.surface.render()
 
-    @cached_property
+    @_Once
     def prepared_residual(self) -> metrics.Errors:
         """Difference between the re-rendered image and the one that was solved; see :meth:`residual`."""
         return self._residual(self.surface.image)
@@ -271,7 +294,9 @@ class Derived:
             raise InputError(f"photo has shape {given.shape}: give one of the image's shape {shape}.")
         if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
             raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
-        if np.array_equal(given, self.surface.image, equal_nan=True):
+        # Most differ in the first rows, if at all.
+        image = self.surface.image
+        if all(np.array_equal(given[rows], image[rows], equal_nan=True) for rows in row_blocks((shape[0], shape[1]))):
             return self.prepared_residual
         return self._residual(given)
 
@@ -282,7 +307,7 @@ class Derived:
         seen *= grey
         return metrics.compare(seen, grey * given)
 
-    @cached_property
+    @_Once
     def confidence(self) -> Confidence:
         """See :meth:`SolvedSurface.confidence`."""
         unreliable, surface = self._unreliable, self.surface
@@ -301,4 +326,4 @@ class Derived:
     def release(self) -> None:
         """Forget the arrays, for the memory; what is asked for again is computed again."""
         for name in ("normals", "rendered", "confidence"):
-            self.__dict__.pop(name, None)
+            self.memory.pop(name, None)

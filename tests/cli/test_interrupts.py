@@ -24,6 +24,7 @@ from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.photos import read_photo
 from persfs_cl.preparation import normalise as grey
 from persfs_cl.surface.export import draw_all
+from persfs_cl.surface.jobs import Jobs
 
 
 def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,10 +86,10 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
         out.mkdir()
         (out / "relief.png").write_text("old")
 
-    def interrupted(folder: Path, drawings: Mapping[str, Callable[[Path], None]]) -> list[str]:
+    def interrupted(folder: Path, drawings: Mapping[str, Callable[[Path], None]], jobs: Jobs) -> list[str]:
         if drawings:
             signal.raise_signal(number)
-        return draw_all(folder, drawings)
+        return draw_all(folder, drawings, jobs)
 
     monkeypatch.setattr("persfs_cl.surface.solution.draw_all", interrupted)
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")

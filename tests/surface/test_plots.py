@@ -15,6 +15,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.transforms import Bbox
 
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
@@ -38,6 +39,7 @@ DRAW: dict[str, Draw] = {
     "confidence": lambda path, depth: plots.confidence_picture(path, depth / 9, {"odd": depth > 2.4}),
 }
 HISTORY = [2.0, 0.3, 0.02, 0.0]
+LONG = "A title that says all that there is to be said of " + 3 * "this long bump and "
 
 
 def a_bump(shape: tuple[int, int] = (24, 37)) -> Array:
@@ -54,15 +56,15 @@ def a_holed_bump() -> Array:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
-    """The figures that were saved, so that a test can read what they say."""
+    """The figures that were drawn, so that a test can read what they say."""
     figures: Drawn = []
-    save = FigureCanvasAgg.print_png
+    draw = FigureCanvasAgg.draw
 
-    def remember(canvas: FigureCanvasAgg, *arguments: Any, **keywords: Any) -> None:
+    def remember(canvas: FigureCanvasAgg) -> None:
         figures.append(canvas.figure)
-        save(canvas, *arguments, **keywords)  # type: ignore[no-untyped-call]
+        draw(canvas)  # type: ignore[no-untyped-call]
 
-    monkeypatch.setattr(FigureCanvasAgg, "print_png", remember)
+    monkeypatch.setattr(FigureCanvasAgg, "draw", remember)
     return figures
 
 
@@ -168,6 +170,14 @@ def test_relief_leaves_out_the_few_pixels_that_would_shrink_all_others(
     plots.relief_picture(tmp_path / "relief.png", depth, CAMERA)
     assert drawn[0].axes[0].get_zlim()[0] == pytest.approx(shown)
     assert ("4 pixels outside the view" in drawn[0].texts[-1].get_text()) == (far > shown)
+
+
+def test_relief_shows_all_of_a_small_object_in_a_large_photograph(tmp_path: Path, drawn: Drawn) -> None:
+    depth = np.full((1200, 2500), np.nan)
+    depth[700:703, 900:904] = np.linspace(2.0, 3.0, 12).reshape(3, 4)
+    plots.relief_picture(tmp_path / "relief.png", depth, Camera(2000.0))
+    assert drawn[0].axes[0].get_zlim() == pytest.approx((3.0, 2.0), abs=0.2)
+    assert "outside" not in drawn[0].texts[-1].get_text()
 
 
 def test_relief_draws_a_large_photograph_with_few_samples(tmp_path: Path, drawn: Drawn) -> None:
@@ -289,6 +299,31 @@ def test_the_colour_bar_of_a_slender_image_can_be_read(shape: tuple[int, int], t
     boxes = [label.get_window_extent() for label in labels if label.get_text()]
     assert len(boxes) > 2
     assert not any(one.overlaps(other) for one, other in itertools.pairwise(boxes))
+
+
+@pytest.mark.parametrize(
+    ("shape", "title"), [((24, 37), "Bump"), ((3, 300), LONG), ((90, 20), LONG), ((300, 3), "Bump")]
+)
+def test_texts_neither_overlap_nor_leave_the_picture(
+    shape: tuple[int, int], title: str, tmp_path: Path, drawn: Drawn
+) -> None:
+    depth = np.linspace(1e5, 2e5, shape[0] * shape[1]).reshape(shape)
+    reasons = dict.fromkeys(("saturated", "darker than the ambient light"), depth > 1.2e5)
+    plots.depth_picture(tmp_path / "a.png", depth, title, unit="thousandths of a nautical mile")
+    plots.comparison_picture(tmp_path / "b.png", depth / 3e5, depth / 2e5, title, photo_title="Prepared photograph")
+    plots.confidence_picture(tmp_path / "c.png", depth / 1e6, reasons, title)
+    plots.convergence_picture(tmp_path / "d.png", HISTORY, 1e-4, title)
+    for figure in drawn:
+        boxes = [part.get_tightbbox() for part in (*figure.legends, *figure.texts)]
+        for axes in figure.axes:
+            own = axes.get_window_extent(), axes.yaxis.get_tightbbox()
+            boxes.append(Bbox.union([box for box in own if box is not None]))
+            beside = axes.title, axes.xaxis.label
+            boxes += [text.get_window_extent() for text in beside if text.get_text()]
+        for box in boxes:
+            assert figure.bbox.x0 < box.x0 < box.x1 < figure.bbox.x1
+            assert figure.bbox.y0 < box.y0 < box.y1 < figure.bbox.y1
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
 
 
 def test_comparison_names_a_prepared_photograph(tmp_path: Path, drawn: Drawn) -> None:

@@ -9,7 +9,7 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -18,7 +18,9 @@ import numpy as np
 
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath, atomic_path
+from persfs_cl.io.export import write_png
+from persfs_cl.io.files import FilePath
+from persfs_cl.surface.plots.blocks import Blocks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,8 +31,8 @@ if TYPE_CHECKING:
 UNIT = "units of the known values"
 _DOTS_PER_INCH = 140
 _NO_SURFACE = "0.88"
-_SLENDEREST = 8.0
-MAP_SAMPLES = 1000
+SLENDEREST = 8.0
+"""A map that is longer is stretched to so many times its width, or height."""
 # Matplotlib is not thread-safe, even when every thread has a figure of its own.
 _drawing = threading.Lock()
 
@@ -76,80 +78,42 @@ def load_matplotlib() -> ModuleType:
 
 
 @contextmanager
-def new_figure(path: FilePath, width: float, height: float, *, arrange: bool = True) -> Iterator[Figure]:
-    """An empty figure of a size in inches; it becomes the PNG file when the block has drawn on it."""
+def new_figure(path: FilePath, width: float = 10.0, height: float = 10.0) -> Iterator[Figure]:
+    """An empty figure of a size in inches, which may be changed; it becomes the PNG file when the block has ended."""
     with _drawing, matplotlib_defaults():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout="compressed" if arrange else None)
+        figure = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH)
         canvas = FigureCanvasAgg(figure)
         yield figure
-        with atomic_path(path) as temporary:
-            # Without the metadata the same input gives the same bytes under every version number.
-            # Not by savefig(), which would go through everything twice.
-            canvas.print_png(temporary, metadata={"Software": None})  # type: ignore[no-untyped-call]
-
-
-def size_of(image: Array, panels: int = 1) -> tuple[float, float]:
-    """Width and height in inches of a figure with some copies of the image side by side and a colour bar."""
-    aspect = np.clip(image.shape[1] / image.shape[0], 1 / 3, 3)
-    side = 4.6 if panels == 1 else 3.6
-    return panels * (side * np.sqrt(aspect) + 0.5) + 1.0, side / np.sqrt(aspect) + 0.9
+        canvas.draw()  # type: ignore[no-untyped-call]
+        pixels = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
+    # Not by Matplotlib, which takes longer, writes names and versions, and would keep others from drawing.
+    write_png(path, pixels)
 
 
 def show(
-    axes: Axes,
-    image: Array,
-    title: str,
-    cmap: str | Colormap,
-    limits: tuple[float, float] | None = None,
-    thin: Callable[[Array, int, int], Array] | None = None,
+    axes: Axes, numbers: Array, blocks: Blocks, title: str, cmap: str | Colormap, limits: tuple[float, float]
 ) -> AxesImage:
-    """Image on axes in pixels, light grey where it is NaN; of a large one, means of blocks or what `thin` makes of it.
+    """Numbers of blocks on axes in pixels, with colours between limits, light grey where they are NaN.
 
     Pixels are square, unless the image is so slender that nothing could be seen of it, nor of its colour bar.
-    Unless there are limits, colours are for the range of all pixels.
     """
-    height, width = image.shape
+    height, width = blocks.shape
+    low, high = limits
     slenderness = width / height
-    stretch = slenderness / np.clip(slenderness, 1 / _SLENDEREST, _SLENDEREST)
-    low, high = limits or (np.nanmin(image), np.nanmax(image))
-    down, right = (max(1, size // MAP_SAMPLES) for size in image.shape)
-    shown = image if down == right == 1 else (thin or _means)(image, down, right)
-    extent = (-0.5, shown.shape[1] * right - 0.5, shown.shape[0] * down - 0.5, -0.5)
-    picture = axes.imshow(shown, cmap=cmap, vmin=low, vmax=high, aspect=float(stretch), extent=extent)
+    stretch = slenderness / np.clip(slenderness, 1 / SLENDEREST, SLENDEREST)
+    picture = axes.imshow(numbers, cmap=cmap, vmin=low, vmax=high, aspect=float(stretch), extent=blocks.extent)
     # Blocks may end behind the last pixel.
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     axes.set_facecolor(_NO_SURFACE)
-    axes.set_title(title, fontsize=11)
+    # The numbers at the upper ends of axes are half above them.
+    axes.set_title(title, fontsize=11, pad=9)
     axes.set_xlabel("column (px)")
     axes.set_ylabel("row (px)")
-    axes.label_outer()
     axes.locator_params(integer=True, min_n_ticks=1)
     return picture
-
-
-def of_blocks(combine: np.ufunc, values: Array, down: int, right: int) -> Array:
-    """One number for every block of so many pixels down and to the right; at the end there may be fewer."""
-    height, width = values.shape
-    # Along rows first: neighbours in memory.
-    along_rows = combine.reduceat(values, np.arange(0, width, right), axis=1)
-    return np.asarray(combine.reduceat(along_rows, np.arange(0, height, down)))
-
-
-def _means(values: Array, down: int, right: int) -> Array:
-    """Means of blocks, over what is not NaN."""
-    there = ~np.isnan(values)
-    if there.all():
-        # How many each block has follows from its place.
-        rows, columns = (
-            np.diff(np.r_[0:size:step, size]) for size, step in zip(values.shape, (down, right), strict=True)
-        )
-        return np.asarray(of_blocks(np.add, values, down, right) / (rows[:, None] * columns))
-    total = of_blocks(np.add, np.where(there, values, 0.0), down, right)
-    count = of_blocks(np.add, there.astype(np.float64), down, right)
-    return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
 
 def require_finite(name: str, values: Array) -> None:

@@ -13,11 +13,15 @@ from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
 from persfs_cl.surface.plots.canvas import new_figure
+from persfs_cl.surface.plots.panels import fit_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _STEEPEST_CHANGE = 10.0
+_WIDTH, _HEIGHT = 5.3, 3.1
+_LEFT, _BELOW, _EDGE = 0.9, 0.55, 0.2
+"""Inches of the axes, and around them, with room for numbers and names."""
 
 
 def convergence_picture(
@@ -62,8 +66,12 @@ def convergence_picture(
 
     iterations = np.arange(1, values.size + 1)
     moved = values > 0
-    with new_figure(path, 6.4, 4.0) as figure:
-        axes = figure.add_subplot()
+    with new_figure(path) as figure:
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        above = fit_title(axes.set_title(title), figure, _WIDTH) + 1.5 * _EDGE
+        width, height = _LEFT + _WIDTH + _EDGE, _BELOW + _HEIGHT + above
+        figure.set_size_inches(width, height)
+        axes.set_position((_LEFT / width, _BELOW / height, _WIDTH / width, _HEIGHT / height))
         # Matplotlib complains of limits of its own that come from one value alone.
         axes.set_autoscaley_on(False)
         axes.semilogy(iterations[moved], values[moved], color="#31688e", marker="o", markersize=3.5, label="change")
@@ -81,7 +89,7 @@ def convergence_picture(
                 linestyle="none",
                 label="no change at all",
             )
-        axes.set(title=title, xlabel="iteration (four sweeps)", ylabel="change of ln depth, max |ΔZ|")
+        axes.set(xlabel="iteration (four sweeps)", ylabel="change of ln depth, max |ΔZ|")
         axes.locator_params(axis="x", integer=True, min_n_ticks=1)
         _limit_changes(axes, values, [mark for mark in (tolerance, distance) if mark > 0])
         axes.grid(which="major", color="0.9")

@@ -10,14 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath, atomic_path
-from persfs_cl.metrics import compare
+from persfs_cl.io.export import write_png
+from persfs_cl.io.files import FilePath
+from persfs_cl.metrics import Errors, compare
 from persfs_cl.surface import geometry as surface
-from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, of_blocks, require_finite, show, size_of
+from persfs_cl.surface.plots.blocks import Blocks
+from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, require_finite, show
+from persfs_cl.surface.plots.panels import Panels
 
 # Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
 _REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
 _NOTHING_DOUBTFUL = "0.65"
+_NO_SURFACE = np.uint8(255)
+"""The class of pixels that are none of the surface."""
 
 
 def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, unit: str = UNIT) -> None:
@@ -53,10 +58,13 @@ def depth_picture(path: FilePath, depth: ArrayLike, title: str = "Depth", *, uni
     """
     z = surface.depth_array(depth)
     require_finite("depth", z)
-    with new_figure(path, *size_of(z)) as figure:
-        picture = show(figure.add_subplot(), z, title, "viridis_r")
-        place = "bottom" if z.shape[1] > 3 * z.shape[0] else "right"
-        figure.colorbar(picture, location=place, label=f"depth ({unit})").long_axis.set_inverted(True)
+    blocks = Blocks((z.shape[0], z.shape[1]))
+    numbers = blocks.collected(lambda rows: blocks.means(z[rows]))
+    with new_figure(path) as figure:
+        panels = Panels(figure, z.shape)
+        picture = show(panels.axes[0], numbers, blocks, title, "viridis_r", (np.nanmin(z), np.nanmax(z)))
+        panels.add_bar(0, picture, f"depth ({unit})").long_axis.set_inverted(True)
+        panels.arrange()
 
 
 def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
@@ -131,17 +139,7 @@ def normals_picture(path: FilePath, normals: ArrayLike) -> None:
     ...     path.read_bytes()[1:4]
     b'PNG'
     """
-    import imagecodecs
-
-    # For a smooth image these are as small as what takes five times as long.
-    data = imagecodecs.png_encode(
-        normals_rgb(normals),
-        level=imagecodecs.PNG.COMPRESSION.SPEED,
-        strategy=imagecodecs.PNG.STRATEGY.RLE,
-        filter=imagecodecs.PNG.FILTER.PAETH,
-    )
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
+    write_png(path, normals_rgb(normals))
 
 
 def comparison_picture(
@@ -152,6 +150,7 @@ def comparison_picture(
     *,
     white: float = 1.0,
     photo_title: str = "Photograph",
+    errors: Errors | None = None,
 ) -> None:
     """Draw photograph, re-rendered photograph and their difference, with its mean and root mean square.
 
@@ -167,6 +166,8 @@ def comparison_picture(
         The brightness that is shown as white and counts as 255 grey levels.
     photo_title : str
         What ``photo`` is called, where it has been prepared.
+    errors : Errors, optional
+        Of the re-rendered photograph, in grey levels, where they are at hand.
 
     Raises
     ------
@@ -189,36 +190,36 @@ def comparison_picture(
     """
     if not 0 < white < np.inf:
         raise InputError.about("white", white, "is not a brightness: give a finite number above 0.")
-    scale = 255.0 / white
-    given = np.asarray(photo, dtype=np.float64) * scale
-    again = np.asarray(rendered, dtype=np.float64) * scale
-    np.clip(again, 0.0, 255.0, out=again)
+    given, again = np.asarray(photo, dtype=np.float64), np.asarray(rendered, dtype=np.float64)
     if given.ndim != 2:
         raise InputError(f"photo has shape {given.shape}: give a grey image, (height, width).")
-    errors = compare(again, given)
-    difference = again - given
-    sizes = np.abs(difference[~np.isnan(difference)])
-    # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
-    limit = max(float(np.percentile(sizes, 99, overwrite_input=True)), 1.0)
+    scale = 255.0 / white
+    if errors is None:
+        errors = compare((again * scale).clip(0.0, 255.0), given * scale)
+    blocks = Blocks((given.shape[0], given.shape[1]))
+    sizes = []
 
-    with new_figure(path, *size_of(difference, panels=3)) as figure:
-        left, middle, right = figure.subplots(1, 3, sharey=True)
-        show(left, given, photo_title, "gray", (0.0, 255.0))
-        show(middle, again, "Re-rendered", "gray", (0.0, 255.0))
-        picture = show(
-            right,
-            difference,
-            f"Difference in grey levels\nME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}",
-            "RdBu_r",
-            (-limit, limit),
-        )
-        figure.colorbar(
-            picture,
-            label=f"re-rendered − {photo_title.lower()} (grey levels)",
-            extend="both" if errors.maximum > limit else "neither",
-        )
-        if title:
-            figure.suptitle(title)
+    def numbers(rows: slice) -> Array:
+        before, after = given[rows] * scale, again[rows] * scale
+        np.clip(after, 0.0, 255.0, out=after)
+        difference = after - before
+        sizes.append(np.abs(difference[~np.isnan(difference)]).astype(np.float32))
+        return np.stack([blocks.means(before), blocks.means(after), blocks.means(difference)], axis=1)
+
+    maps = blocks.collected(numbers)
+    # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
+    limit = max(float(np.percentile(np.concatenate(sizes), 99, overwrite_input=True)), 1.0)
+
+    with new_figure(path) as figure:
+        panels = Panels(figure, given.shape, 3)
+        left, middle, right = panels.axes
+        show(left, maps[:, 0], blocks, photo_title, "gray", (0.0, 255.0))
+        show(middle, maps[:, 1], blocks, "Re-rendered", "gray", (0.0, 255.0))
+        heading = f"Difference in grey levels\nME {errors.mean:.2f}, RS {errors.root_mean_square:.2f}"
+        picture = show(right, maps[:, 2], blocks, heading, "RdBu_r", (-limit, limit))
+        label = f"re-rendered − {photo_title.lower()}\n(grey levels)"
+        panels.add_bar(2, picture, label, extend="both" if errors.maximum > limit else "neither")
+        panels.arrange(title)
 
 
 def confidence_picture(
@@ -263,41 +264,49 @@ def confidence_picture(
     if errors.ndim != 2:
         raise InputError(f"slope_error has shape {errors.shape}: give one number a pixel, (height, width).")
     require_finite("slope_error", errors)
-    classes = np.where(np.isfinite(errors), 0.0, np.nan)
     labels = ["none", *unreliable]
-    # Backwards, so that the first of several reasons is on top.
-    for number, reason in reversed(list(enumerate(labels))[1:]):
-        pixels = unreliable[reason]
+    for reason, pixels in unreliable.items():
         if pixels.shape != errors.shape:
             raise InputError(
                 f"unreliable[{reason!r}] has shape {pixels.shape}: give that of slope_error, {errors.shape}."
             )
-        classes[pixels] = number
+    blocks = Blocks((errors.shape[0], errors.shape[1]))
+    counts = np.zeros(256, np.int64)
+
+    def numbers(rows: slice) -> Array:
+        classes = np.where(np.isfinite(errors[rows]), np.uint8(len(labels)), _NO_SURFACE)
+        # Backwards, so that the first of several reasons is on top.
+        for number, pixels in reversed(list(enumerate(unreliable.values(), start=1))):
+            classes[pixels[rows]] = number
+        counts[:] += np.bincount(classes.reshape(-1), minlength=len(counts))
+        # The first reason in each block, so that the smallest spot can be seen.
+        first = blocks.combined(np.minimum, classes).astype(np.float64)
+        first[first == len(labels)] = 0.0
+        first[first == _NO_SURFACE] = np.nan
+        return np.stack([blocks.means(100.0 * errors[rows]), first], axis=1)
+
+    maps = blocks.collected(numbers)
+    counts[0] = counts[len(labels)]
     colours = (_NOTHING_DOUBTFUL, *_REASONS)
     patches = [
-        Patch(color=colours[number], label=f"{labels[number]}: {count:,} px")
-        for number, count in zip(*np.unique(classes[~np.isnan(classes)].astype(int), return_counts=True), strict=True)
+        Patch(color=colours[number], label=f"{label}: {counts[number]:,} px")
+        for number, label in enumerate(labels)
+        if counts[number]
     ]
-    hundredths = 100.0 * errors
-    low, high = np.nanpercentile(hundredths, (1, 99))
-    with new_figure(path, *size_of(errors, panels=2)) as figure:
-        left, right = figure.subplots(1, 2, sharey=True)
-        picture = show(left, hundredths, "Slope error for a brightness\n1 % wrong (bright: worse)", "cividis")
+    low, high = 100.0 * np.percentile(errors[np.isfinite(errors)].astype(np.float32), (1, 99), overwrite_input=True)
+    with new_figure(path) as figure:
+        panels = Panels(figure, errors.shape, 2)
+        left, right = panels.axes
+        heading = "Slope error for a brightness\n1 % wrong (bright: worse)"
         # Wider than a flat surface needs, for a scale of one value has no colours.
-        picture.set_norm(LogNorm(low / 1.01, high * 1.01))
-        place = "bottom" if errors.shape[1] > 3 * errors.shape[0] else "right"
+        limits = low / 1.01, high * 1.01
+        picture = show(left, maps[:, 0], blocks, heading, "cividis", limits)
+        picture.set_norm(LogNorm(*limits))
         label = "change of tan θ, in hundredths;\nθ: angle between normal and light"
-        bar = figure.colorbar(picture, location=place, label=label, extend="both")
+        bar = panels.add_bar(0, picture, label, extend="both")
         bar.long_axis.set_major_formatter("{x:g}")
         bar.long_axis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
-        limits = (-0.5, len(colours) - 0.5)
-        show(right, classes, "Unreliable, and why", ListedColormap(colours), limits, thin=_first_reasons)
-        figure.legend(handles=patches, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-        figure.suptitle(title)
-
-
-def _first_reasons(classes: Array, down: int, right: int) -> Array:
-    """The first reason in each block, so that the smallest spot can be seen; 0 where there is none."""
-    first = of_blocks(np.fmin, np.where(classes == 0, np.inf, classes), down, right)
-    first[np.isinf(first)] = 0.0
-    return first
+        of_classes = (-0.5, len(colours) - 0.5)
+        show(right, maps[:, 1], blocks, "Unreliable, and why", ListedColormap(colours), of_classes)
+        legend = figure.legend(handles=patches, loc="lower center", ncols=2, frameon=False, fontsize=9)
+        panels.arrange(title, legend)

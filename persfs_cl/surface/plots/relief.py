@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
 from persfs_cl.surface import geometry as surface
-from persfs_cl.surface.plots.canvas import MAP_SAMPLES, UNIT, new_figure, require_finite
+from persfs_cl.surface.plots.blocks import MAP_SAMPLES
+from persfs_cl.surface.plots.canvas import UNIT, new_figure, require_finite
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -84,7 +86,9 @@ def relief_picture(
     grid = camera.grid(shape)
     x, y = np.broadcast_to(grid.x, shape), np.broadcast_to(grid.y, shape)
     far_off = _far_off(x, y, z)
-    z = np.where(far_off, np.nan, z)
+    outside = int(np.count_nonzero(far_off)) if far_off is not None else 0
+    if far_off is not None:
+        z = np.where(far_off, np.nan, z)
     grey = None if image is None else np.asarray(image, dtype=np.float64)
     if grey is not None and grey.shape != shape:
         raise InputError(f"image has shape {grey.shape}: give a grey image of the depth's shape {shape}.")
@@ -95,7 +99,7 @@ def relief_picture(
         raise InputError(f"normals has shape {facing.shape}: give those of the depth, {(*shape, 3)}.")
 
     finite = np.isfinite(z)
-    rows, columns = np.nonzero(finite)
+    rows, columns = (np.flatnonzero(finite.any(axis=axis)) for axis in (1, 0))
     step = 1 + max(np.ptp(rows), np.ptp(columns)) // _RELIEF_SAMPLES
     sampled = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
     whole = _corners(finite[sampled]).all(axis=2)
@@ -118,7 +122,7 @@ def relief_picture(
     extent = np.maximum(extent, 0.05 * (extent.max() or centre[2]))
     panel_width, panel_height = _oblique_size(extent)
     width, height = panel_width * len(colours), panel_height
-    with new_figure(path, width, height, arrange=False) as figure:
+    with new_figure(path, width, height) as figure:
         for index, colour in enumerate(colours):
             # Matplotlib keeps these axes square: a square larger than the panel, centred, wastes no paper.
             left = (index + 0.5) * panel_width - _SOLID_INCHES / 2 - 0.25
@@ -128,8 +132,8 @@ def relief_picture(
             _draw_solid(axes, facets, colour, centre - extent / 2, centre + extent / 2)
         figure.text(0.5, 1 - 0.1 / height, title, ha="center", va="top", fontsize=12)
         note = f"x, y and depth in {unit}, one scale"
-        if far_off.any():
-            note += f"\n{np.count_nonzero(far_off):,} pixels outside the view"
+        if outside:
+            note += f"\n{outside:,} pixels outside the view"
         figure.text(0.5, 0.1 / height, note, ha="center", fontsize=9, color="0.35")
 
 
@@ -147,18 +151,28 @@ def _interrupted(discontinuities: surface.Discontinuities, sampled: tuple[slice,
     return np.asarray(across[:-1] | across[1:] | downwards[:, :-1] | downwards[:, 1:])
 
 
-def _far_off(x: Array, y: Array, z: Array) -> NDArray[np.bool_]:
-    """The few points z (x, y, 1) that lie so far from all others that those could hardly be seen."""
-    finite = np.isfinite(z)
-    there = z[finite]
-    points = np.stack([there * x[finite], there * y[finite], there])
-    low, high = np.percentile(points[:, :: 1 + there.size // MAP_SAMPLES**2], (0.5, 99.5), axis=1)[..., None]
+def _far_off(x: Array, y: Array, z: Array) -> NDArray[np.bool_] | None:
+    """The few points z (x, y, 1) that lie so far from all others that those could hardly be seen; None for none."""
+
+    def points(rows: slice) -> Array:
+        return np.stack([z[rows] * x[rows], z[rows] * y[rows], z[rows]])
+
+    lows, highs, samples = [], [], []
+    every = 1 + np.count_nonzero(np.isfinite(z)) // MAP_SAMPLES**2
+    for rows in row_blocks((z.shape[0], z.shape[1])):
+        of_rows = points(rows)
+        there = of_rows[:, np.isfinite(of_rows[2])]
+        if there.size:
+            lows.append(there.min(axis=1))
+            highs.append(there.max(axis=1))
+            samples.append(there[:, ::every])
+    low, high = np.percentile(np.concatenate(samples, axis=1), (0.5, 99.5), axis=1)[..., None, None]
     longest = (high - low).max()
-    far_off = np.zeros(z.shape, bool)
-    if np.ptp(points, axis=1).max() > 2 * longest:
-        margin = longest / 4
-        far_off[finite] = ((points < low - margin) | (points > high + margin)).any(axis=0)
-    return far_off
+    if not (np.max(highs, axis=0) - np.min(lows, axis=0)).max() > 2 * longest:
+        return None
+    margin = longest / 4
+    everywhere = points(slice(None))
+    return np.asarray(((everywhere < low - margin) | (everywhere > high + margin)).any(axis=0))
 
 
 def _clay(towards_camera: Array) -> Array:

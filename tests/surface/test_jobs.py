@@ -1,0 +1,112 @@
+"""Files made several at a time are those made one by one."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import persfs_cl as ps
+from persfs_cl.errors import PersfsWarning
+from persfs_cl.surface import plots
+from persfs_cl.surface.jobs import Jobs, threads_for
+from persfs_cl.surface.saving import Saving
+from persfs_cl.surface.solution import Solution, write_files
+from persfs_cl.surface.solved import Derived
+
+EVERYTHING = Saving.of("depth,normals.npy,mesh.ply,mesh.obj,pictures,report", mesh_faces=1000)
+
+
+@pytest.fixture(scope="module")
+def solution() -> Solution:
+    scene = ps.bump((40, 50), light=ps.FlashLight())
+    return ps.reconstruct(scene.image, scene.camera, light=scene.light)
+
+
+def written(solution: Solution, folder: Path, threads: int) -> Mapping[str, bytes]:
+    folder.mkdir()
+    names = write_files(folder, solution, EVERYTHING, Derived(solution), report=lambda: {"a": 1}, threads=threads)
+    assert sorted(names) == sorted(path.name for path in folder.iterdir())
+    return {name: (folder / name).read_bytes() for name in names}
+
+
+def test_threads_write_the_same_bytes_and_say_so_in_the_same_order(solution: Solution, tmp_path: Path) -> None:
+    one, four = (written(solution, tmp_path / str(threads), threads) for threads in (1, 4))
+    assert list(one) == list(EVERYTHING.files) == list(four)
+    assert one == four
+
+
+def test_what_several_files_need_is_computed_once(solution: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[int] = []
+    begun = threading.Barrier(4, timeout=30)
+    normals = Solution.normals
+
+    def counted(surface: Solution) -> Any:
+        computed.append(1)
+        return normals(surface)
+
+    monkeypatch.setattr(Solution, "normals", counted)
+    derived = Derived(solution)
+
+    def ask() -> Any:
+        begun.wait()
+        return derived.normals
+
+    with Jobs(4) as jobs:
+        results = [jobs.add(ask) for _ in range(4)]
+        found = [result() for result in results]
+    assert len(computed) == 1
+    assert all(one is found[0] for one in found)
+    derived.release()
+    assert derived.normals is not found[0]
+
+
+def test_a_picture_that_fails_is_told_of_by_the_thread_that_asked(
+    solution: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise RuntimeError("no paper")
+
+    monkeypatch.setattr(plots, "relief_picture", fail)
+    with pytest.warns(PersfsWarning, match=r"relief\.png could not be drawn \(RuntimeError: no paper\)") as said:
+        names = set(written(solution, tmp_path / "some", 3))
+    assert names == {*EVERYTHING.files} - {"relief.png"}
+    assert said[0].filename == __file__
+
+
+def test_after_an_error_nothing_more_is_begun() -> None:
+    begun, go = threading.Event(), threading.Event()
+    later: list[Callable[[], object]] = []
+
+    def wait() -> None:
+        begun.set()
+        go.wait(30)
+
+    def fail_while_others_work() -> None:
+        with Jobs(2) as jobs:
+            jobs.add(wait)
+            jobs.add(wait)
+            later.append(jobs.add(lambda: None))
+            begun.wait(30)
+            threading.Timer(0.1, go.set).start()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail_while_others_work()
+    assert go.is_set()
+    with pytest.raises(CancelledError):
+        later[0]()
+
+
+def test_one_thread_does_what_is_asked_for_when_it_is_asked_for() -> None:
+    done: list[str] = []
+    with Jobs(1) as jobs:
+        first, second = jobs.add(lambda: done.append("first")), jobs.add(lambda: done.append("second"))
+        second()
+        first()
+    assert done == ["second", "first"]
+    assert threads_for(1000) == 1
