@@ -266,6 +266,8 @@ TILES, CHECKERBOARD, LEXICOGRAPHIC = WavefrontTiles(), Checkerboard(), Lexicogra
 
 SMALL_TILES = WavefrontTiles(tile=(8, 16))
 IN_ONE_PRECISION: dict[Ordering, str] = {
+    # In the other precision their cells are those of the lexicographic order, by the same function.
+    TILES: "float32",
     SMALL_TILES: "float32",
     # What several vectors have to do with each other is in the file that strips and images have in common.
     **{ordering: "" for (vectors, _), ordering in STRIPS.items() if vectors == 3},
@@ -377,10 +379,11 @@ def assert_lexicographic_bits(device: Device, precision: str, ordering: Ordering
 def rests_quickly(parameters: Mapping[str, Any]) -> bool:
     """Whether a test of these parameters is a quick one.
 
-    An account of changes does not know by which kernels they came. By each ordering under a parallel light and a flash;
-    an off-axis lamp, and a scheme for which nothing rests, by one.
+    An account of changes does not know by which kernels they came. By each ordering in single precision, under a
+    parallel light and a flash; all else by one ordering.
     """
     by_each = parameters["name"] in ("upwind frontal away", "upwind oblique toward", "upwind flash")
+    by_each &= parameters["precision"] == "float32"
     return one_material_in_turn(parameters) and (by_each or isinstance(parameters["ordering"], WavefrontStrips))
 
 
