@@ -152,17 +152,28 @@ def noise(plan: Plan) -> Iterator[list[Record]]:
 
 
 def reflectance(plan: Plan) -> Iterator[list[Record]]:
-    """Mean error of depth when the material of a hill is known, and when another one is assumed.
+    """Mean error of depth when the material of a hill is known, and when another one is assumed."""
+    yield from under_flash(plan)
+    yield from under_parallel(plan)
 
-    Under a parallel light the frame is known, and who takes the hill for Lambertian sets its brightest value to 1.
-    There the grey error is told too: how far the surface found explains the photograph.
-    """
+
+def under_flash(plan: Plan) -> Iterator[list[Record]]:
+    """The part of :func:`reflectance` by a flash, where nothing else is known."""
     size = plan.size(_MATERIAL_SIZE)
     for true, material in UNDER_FLASH.items():
         scene = _hill(size, reflectance=material)
         for assumed, other in UNDER_FLASH.items():
             solution = solved(plan, scene, reflectance=other)
             yield _shares(plan, "reflectance", taken("flash", true, assumed), [scene], [solution])
+
+
+def under_parallel(plan: Plan) -> Iterator[list[Record]]:
+    """The part under a parallel light.
+
+    The frame is known, and who takes the hill for Lambertian sets its brightest value to 1. The grey error is told too:
+    how far the surface found explains the photograph.
+    """
+    size = plan.size(_MATERIAL_SIZE)
     for light, surface, true in product(PARALLEL, SURFACES, UNDER_PARALLEL):
         scene = _parallel_hill(light, surface, true, size)
         photographs = {true: scene}

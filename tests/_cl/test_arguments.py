@@ -93,7 +93,8 @@ def every_kernel(device: ps.Device, problem: Problem) -> list[tuple[list[str], d
 
 def test_arguments_are_those_of_the_compiler(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     usual = cl.Program.build
-    monkeypatch.setattr(cl.Program, "build", lambda self, options: usual(self, [*options, "-cl-kernel-arg-info"]))
+    asking = ["-cl-kernel-arg-info", "-cl-opt-disable"]
+    monkeypatch.setattr(cl.Program, "build", lambda self, options: usual(self, [*options, *asking]))
     problem = random_problem(1, (4, 4))
     fields = list(problem.kernel_arguments.parameters)
     about, private = cl.kernel_arg_info, cl.kernel_arg_address_qualifier.PRIVATE

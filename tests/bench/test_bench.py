@@ -263,10 +263,13 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
 
 
 def test_only_the_schemes_asked_for_are_measured(device: ps.Device) -> None:
-    plan = Plan(device, sizes=(16,), batch=(2,), orderings=("wavefront",), schemes=("upwind",), repeats=1)
-    plan = replace(plan, least_seconds=0.0, strip_rows=(8,), tiles=((32, 64),), work_groups=(1,))
+    plan = Plan(device, sizes=(16,), batch=(2,), schemes=("upwind",), repeats=1, least_seconds=0.0)
+    plan = replace(plan, strip_rows=(), tiles=((32, 64),), work_groups=(1,))
     baselines = {PLAIN_C, "numba", "NumPy reference", FAST_MARCHING}
-    for name in ("orderings", "sizes", "batch", "precision", "tunings", "calls"):
+    # What changes is all that matters, so they go by the ordering whose programs other tests have too, if they can.
+    by_itself = ("batch", "tunings", "calls")
+    for name in ("orderings", "sizes", "precision", *by_itself):
+        plan = replace(plan, orderings=("wavefront" if name in by_itself else "lexicographic",))
         workloads = {record.workload for group in EXPERIMENTS[name](plan) for record in group} - baselines
         assert workloads
         assert all(workload.endswith(("upwind", FAST_MARCHING)) for workload in workloads)

@@ -161,7 +161,10 @@ def test_a_missing_object_is_said_on_the_page(device: ps.Device, monkeypatch: py
     assert all(cell for row in others for cell in row)
 
 
-def test_tables_of_materials_are_whole(device: ps.Device) -> None:
+def test_tables_of_materials_are_whole(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The roughest is solved by another scheme, so that there is one of each kind.
+    for name in ("Oren-Nayar 0.4", "Phong"):
+        monkeypatch.delitem(accuracy.UNDER_FLASH, name)
     plan = Plan(device, sizes=(16,))
     records = [
         record for make in (accuracy.reflectance, accuracy.ambiguity) for group in make(plan) for record in group
@@ -261,6 +264,6 @@ def test_a_page_that_is_missing_is_told_before_any_work(tmp_path: Path, monkeypa
 
 
 def test_no_tuning_is_measured_twice(device: ps.Device) -> None:
-    plan = Plan(device, sizes=(64,), repeats=1, least_seconds=0.0, strip_rows=(8, 24), tiles=((32, 64),), lanes=(8,))
+    plan = Plan(device, sizes=(64,), repeats=1, least_seconds=0.0, strip_rows=(8,), tiles=((32, 64),), lanes=(8,))
     (records,) = experiments.tunings(plan)
     assert len({record.workload for record in records}) == len(records)

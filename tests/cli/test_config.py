@@ -252,7 +252,7 @@ OPTIONS: dict[str, st.SearchStrategy[str]] = {
 }
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.lists(st.sampled_from(sorted(OPTIONS)).flatmap(lambda name: OPTIONS[name].map(lambda text: (name, text)))))
 def test_what_is_printed_means_the_same_when_it_is_read(
     tmp_path_factory: pytest.TempPathFactory, options: list[tuple[str, str]]

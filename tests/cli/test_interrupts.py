@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from command import FILES, FOCAL, WIDTH, names, run, strict
+from command import FOCAL, WIDTH, names, run, strict
 
 import persfs_cl as ps
 from persfs_cl.cli.interrupts import raising, stop_on_interrupt
@@ -199,7 +199,9 @@ def test_progress_on_a_terminal_and_interrupt_of_a_real_run(tmp_path: Path) -> N
     command = [sys.executable, "-c", f"{script}from persfs_cl.cli import main; main()"]
     command += ["reconstruct", "photo.png", "-o", "out", "--focal-length=120"]
     command += ["--known-depth=known.npy", "--surface", scene.surface, "--scheme=lax-friedrichs"]
-    command += ["--tolerance=0", "--max-iterations=1000000"]
+    # A picture, and other files.
+    files = {"depth.npy", "convergence.png", "mesh.ply", "report.json"}
+    command += ["--tolerance=0", "--max-iterations=1000000", "--save", ",".join(files)]
     ours, theirs = os.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=theirs) as process:
@@ -213,8 +215,8 @@ def test_progress_on_a_terminal_and_interrupt_of_a_real_run(tmp_path: Path) -> N
         stdout, _ = process.communicate()
     os.close(ours)
     assert process.returncode == 130, seen
-    assert {Path(line).name for line in stdout.decode().splitlines()} == FILES
-    assert names(tmp_path / "out") == FILES
+    assert {Path(line).name for line in stdout.decode().splitlines()} == files
+    assert names(tmp_path / "out") == files
     report = strict(tmp_path / "out" / "report.json")
     assert report["status"] == "STOPPED"
     assert 1 <= report["iterations"] < 1000000

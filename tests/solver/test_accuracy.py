@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import pytest
 
@@ -74,25 +74,27 @@ def test_a_smooth_hill_is_found_from_its_photograph(device: Device) -> None:
     assert noise(device)["hill, 8 bits, 2 % noise", ERROR_SCALED] <= 2.0
 
 
-@functools.cache
-def material_errors(device: Device) -> dict[str, float]:
-    records = [
-        record
-        for group in accuracy.reflectance(Plan(device, sizes=(101,)))
-        for record in group
-        # Under a flash after one scale, which the depth of another material has not.
-        if record.quantity == (ERROR_SCALED if record.workload.startswith("flash") else ERROR)
-    ]
+def of_materials(experiment: Callable[[Plan], Iterator[list[Record]]], device: Device, kind: str) -> dict[str, float]:
+    """Errors of one kind by what was measured."""
+    groups = experiment(Plan(device, sizes=(101,)))
+    records = [record for group in groups for record in group if record.quantity == kind]
     return dict(zip([record.workload for record in records], values(records), strict=True))
+
+
+@functools.cache
+def errors_under_parallel_lights(device: Device) -> dict[str, float]:
+    return of_materials(accuracy.under_parallel, device, ERROR)
 
 
 @pytest.mark.thorough
 def test_materials_under_a_flash_are_found_and_wrong_ones_seen(device: Device) -> None:
+    # After one scale, which the depth of another material has not.
+    errors = of_materials(accuracy.under_flash, device, ERROR_SCALED)
     for true in UNDER_FLASH:
-        right = material_errors(device)[taken("flash", true, true)]
+        right = errors[taken("flash", true, true)]
         assert right <= 0.4
         for other in UNDER_FLASH:
-            assert other == true or material_errors(device)[taken("flash", true, other)] >= 20.0 * right
+            assert other == true or errors[taken("flash", true, other)] >= 20.0 * right
 
 
 @pytest.mark.parametrize(
@@ -106,7 +108,7 @@ def test_materials_under_a_parallel_light_are_found_better_than_lambertian(
     device: Device, material: str, light: str, factor: float
 ) -> None:
     right, matt, wrong = (
-        material_errors(device)[taken(light, *names)]
+        errors_under_parallel_lights(device)[taken(light, *names)]
         for names in ((material, material), (MATT, MATT), (material, MATT))
     )
     assert right <= matt
