@@ -18,10 +18,12 @@ from persfs_cl.bench.results import Record
 from persfs_cl.bench.solutions import solved
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.scenes.scene import Scene
+from persfs_cl.solver.schemes import SCHEMES as SCHEMES_BY_NAME
 
 ESTIMATE, TRUE, RATIO = "estimated distance", "true distance", "estimate over truth"
 UNIT = "ln z"
 NOT_TOLD = "not told"
+NOT_ACCELERATED = "not accelerated"
 
 
 def _noisy(size: int) -> Scene:
@@ -45,18 +47,23 @@ def distance(plan: Plan) -> Iterator[list[Record]]:
     """
     sizes = plan.edges_up_to(_SIZES, _SIZES[-1])
     for (photograph, make), size, scheme in product(PHOTOGRAPHS.items(), sizes, plan.schemes_or(SCHEMES)):
-        names = {ordering: f"{photograph}: {scheme}, {ordering}" for ordering in plan.parallel_orderings}
+        scene = make(size)
+        runs = {f"{photograph}: {name}": keywords for name, keywords in _runs(plan, scheme, scene)}
         if not plan.device.has_float64:
             reason = f"{plan.device} has no double precision."
-            yield [skip("distance", name, TRUE, UNIT, size, plan.precision, reason) for name in names.values()]
+            yield [skip("distance", name, TRUE, UNIT, size, plan.precision, reason) for name in runs]
             continue
-        solve = partial(solved, plan, make(size), scheme=scheme, max_iterations=_MAX_ITERATIONS)
-        limit = solve(precision="float64", tolerance=0.0)
-        yield [
-            record
-            for ordering, name in names.items()
-            for record in _compared(plan, name, solve(ordering=ordering), limit)
-        ]
+        solve = partial(solved, plan, scene, scheme=scheme, max_iterations=_MAX_ITERATIONS)
+        limit = solve(precision="float64", tolerance=0.0, acceleration=False)
+        yield [record for name, keywords in runs.items() for record in _compared(plan, name, solve(**keywords), limit)]
+
+
+def _runs(plan: Plan, scheme: str, scene: Scene) -> Iterator[tuple[str, dict[str, Any]]]:
+    """What is compared, by the name of the solver: where a run is accelerated, one too that is not."""
+    for ordering in plan.parallel_orderings:
+        yield f"{scheme}, {ordering}", {"ordering": ordering}
+        if SCHEMES_BY_NAME[scheme].accelerates and not scene.light.determines_depth:
+            yield f"{scheme}, {ordering}, {NOT_ACCELERATED}", {"ordering": ordering, "acceleration": False}
 
 
 def _compared(plan: Plan, name: str, solution: ps.Solution, limit: ps.Solution) -> list[Record]:

@@ -15,10 +15,12 @@ from persfs_cl.bench.tables import contents
 from persfs_cl.environment import environment
 
 NAMES = [
-    (photograph, f"{scheme}, {ordering}")
+    (photograph, f"{scheme}, {ordering}{unlike}")
     for photograph in distance.PHOTOGRAPHS
     for scheme in SCHEMES
     for ordering in ("wavefront", "checkerboard")
+    for unlike in ("", f", {distance.NOT_ACCELERATED}")
+    if not unlike or (scheme == "lax-friedrichs" and "flash" not in photograph)
 ]
 
 
