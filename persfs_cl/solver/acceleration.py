@@ -37,15 +37,22 @@ _LATEST = 5
 class Acceleration:
     """What is known of an image on its way to the limit.
 
+    Parameters
+    ----------
+    rounding : float
+        Spacing of the numbers about 1.
+
     Attributes
     ----------
     distance : float
         Estimate of max |Z - limit|, rather too large; NaN as long as there is none.
     gives_up : bool
         Whether mixtures help no more.
+    is_rounding : bool
+        Whether what still changes is what rounding makes of it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rounding: float) -> None:
         self.distance = math.nan
         self.gives_up = False
         self._noted = 0
@@ -55,6 +62,10 @@ class Acceleration:
         self._waiting = 0
         self._patience = _PATIENCE
         self._rates: deque[float] = deque(maxlen=_LATEST)
+        self.is_rounding = False
+        self._rounding = rounding
+        self._slowest = 0.0
+        """The last of the rates of which the sum ends."""
         self._smallest = math.inf
         self._in_vain = 0
 
@@ -90,7 +101,8 @@ class Acceleration:
         normal = self._products * scale[:, None] * scale + _RIDGE * np.eye(count)
         found_weights: NDArray[np.float64] = scale * np.linalg.solve(normal, scale * found.of_residual[:count])
         # With fewer differences it may not have been seen yet what shrinks slowly.
-        self.distance = self._distance(found, found_weights) if count == DEPTH else math.nan
+        if count == DEPTH:
+            self._judge(found, found_weights)
         return found_weights
 
     def _taken_back(self) -> NDArray[np.float64]:
@@ -108,10 +120,16 @@ class Acceleration:
         moved = found.value_squares - 2.0 * found.across + found.of_steps[0]
         self._rates.append(math.sqrt(found.value_squares / moved) if moved > 0.0 else math.inf)
 
-    def _distance(self, found: Products, weights: NDArray[np.float64]) -> float:
+    def _judge(self, found: Products, weights: NDArray[np.float64]) -> None:
         """What of F the mixture does not take away is a change that shrinks at the slowest rate, at worst."""
         rate = max(self._rates)
-        if rate >= 1.0:
-            return math.inf
-        share = 1.0 - float(weights @ found.of_residual[: len(weights)]) / found.squares
-        return max(_LEAST_LEFT, math.sqrt(max(0.0, share))) * found.largest * rate / (1.0 - rate)
+        shrinks = rate < 1.0
+        if shrinks:
+            self._slowest = rate
+        # Of values that only rounding moves, differences have any rate.
+        small = found.largest <= ITERATIONS * self._rounding
+        self.is_rounding = small and (not shrinks or self._in_vain >= _IN_VAIN // 4)
+        share = 1.0 - float(weights @ found.of_residual[: len(weights)]) / found.squares if found.squares else 0.0
+        left = found.largest * max(_LEAST_LEFT, math.sqrt(max(0.0, share)))
+        known = shrinks or (self.is_rounding and self._slowest > 0.0)
+        self.distance = left * self._slowest / (1.0 - self._slowest) if known else math.inf

@@ -184,11 +184,11 @@ class _Stop:
     def __init__(self, options: Options) -> None:
         self.tolerance = options["tolerance"]
         self._by_distance = options["stopping"] == "distance"
-        self._rounding = float(np.finfo(options["precision"]).eps)
+        self.rounding = float(np.finfo(options["precision"]).eps)
 
     def distance(self, changes: Sequence[float]) -> float:
         """See :func:`persfs_cl.solver.distance.distance_to_limit`."""
-        return distance_to_limit(changes, self._rounding)
+        return distance_to_limit(changes, self.rounding)
 
     def met(self, changes: Sequence[float]) -> bool:
         """Whether an image has converged that rests."""
@@ -293,7 +293,7 @@ def _accelerate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends
     """Iterate with mixtures in between, until each image has converged or mixtures help no more."""
     ends = _Ends.of(sweeper.count)
     mixer = sweeper.mixer()
-    images = [Acceleration() for _ in range(sweeper.count)]
+    images = [Acceleration(stop.rounding) for _ in range(sweeper.count)]
     going = set(range(sweeper.count))
     while going and not iterations.stopped:
         sweeper.go_on(going, 0.0)
@@ -309,7 +309,7 @@ def _accelerate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends
             found = dict(zip(due, mixer.products(due), strict=True))
             mixer.mix({image: images[image].weights(products) for image, products in found.items()})
             for image in due:
-                if images[image].distance <= stop.tolerance:
+                if images[image].distance <= stop.tolerance or (images[image].is_rounding and stop.tolerance > 0.0):
                     ends.statuses[image] = Status.CONVERGED
             going -= {image for image in due if images[image].gives_up}
             going = {image for image in going if ends.statuses[image] is not Status.CONVERGED}

@@ -96,9 +96,9 @@ def reconstruct(
         Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them.
     tolerance : float
         The run has converged when Z is at most this from its limit, as far as the rate tells at which its changes
-        shrink, see :attr:`Solution.distance`; or when nothing changes any more, down to the last bit. Z = ln z, so 1e-5
-        is 0.001 % of the depth. It bounds what further iterations would change, not the error of the scheme. 0 iterates
-        until nothing changes.
+        shrink, see :attr:`Solution.distance`; or when nothing changes any more, or only rounding does. Z = ln z, so
+        1e-5 is 0.001 % of the depth. It bounds what further iterations would change, not the error of the scheme. 0
+        iterates until nothing changes, down to the last bit.
     stopping : {"distance", "change"}
         What the tolerance bounds: that distance or, as in the paper, max |ΔZ| over an iteration, which may be hundreds
         of times less.

@@ -137,7 +137,7 @@ def products(size: float) -> Products:
 
 
 def test_a_mixture_after_which_more_is_left_is_taken_back_and_others_wait() -> None:
-    image = Acceleration()
+    image = Acceleration(1e-7)
     assert not image.is_due(1.0)
     for size in (1.0, 1.0, 0.9):
         assert image.is_due(1e-3)
@@ -148,13 +148,24 @@ def test_a_mixture_after_which_more_is_left_is_taken_back_and_others_wait() -> N
 
 
 def test_it_gives_up_where_nothing_is_gained() -> None:
-    image = Acceleration()
+    image = Acceleration(1e-7)
     launches = 0
     while not image.gives_up:
         image.weights(products(1.0))
         launches += 1
     assert 10 < launches < 30
     assert not image.is_due(1e-3)
+
+
+def test_what_only_rounding_moves_is_at_its_limit() -> None:
+    image = Acceleration(1e-7)
+    for size in (1.0, 0.5, 0.3, 0.2, 0.1, 0.06, 0.03, 0.02, 3e-7):
+        image.weights(products(size))
+    assert not image.is_rounding
+    for _ in range(6):
+        image.weights(products(3e-7))
+    assert image.is_rounding
+    assert 0.0 < image.distance < 1e-5
 
 
 def test_iteration_knows_no_mixtures_by_the_papers_criterion(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -113,11 +113,13 @@ def test_large_images_in_single_precision(name: str, scheme: str) -> None:
         "flash": ps.bump((192, 192), light=_FLASH),
     }
     exact = limit(scenes[name], scheme=scheme, precision="float64")
-    solution = solve(scenes[name], scheme=scheme)
-    true = apart(solution, exact)
-    assert solution.status is ps.Status.CONVERGED
-    assert true <= 2.0 * solution.distance + _ROUNDING
-    assert solution.distance <= 2.0 * true + _UNFORESEEN
+    for acceleration in (False, True):
+        solution = solve(scenes[name], scheme=scheme, acceleration=acceleration)
+        true = apart(solution, exact)
+        assert solution.status is ps.Status.CONVERGED
+        assert true <= 2.0 * solution.distance + _ROUNDING
+        # Mixtures of what converges fast are better than is known of them.
+        assert acceleration or solution.distance <= 2.0 * true + _UNFORESEEN
 
 
 def test_the_papers_criterion_is_the_change_of_an_iteration() -> None:
