@@ -67,6 +67,7 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
                            __global real *values,          /* G, same shape                                 */
                            __global real *sums,            /* shape (images, height, SUMS)                  */
                            __global const int *heads,      /* slot that is written, or IDLE; shape (images,) */
+                           __global const int *counts,     /* slots before it that count, shape (images,)   */
                            const int size,                 /* stored cells of an image                      */
                            const int stride,               /* of a stored row                               */
                            const int first_row,            /* stored row and column of the first pixel      */
@@ -79,6 +80,7 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
     if (head == IDLE)
         return;
     const size_t line = (size_t)(first_row + row) * (size_t)stride, cells = (size_t)image * (size_t)size;
+    const int differences = min(counts[image], DEPTH);
     const size_t newest = begin_of_slot(image, head, 0, size), before = begin_of_slot(image, head, 1, size);
     number of_steps[DEPTH], of_residual[DEPTH];
     for (int j = 0; j < DEPTH; ++j)
@@ -94,18 +96,20 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
             const number residual = count < LANES ? only_first(whole, count) : whole;
             store_first(values + newest + at, value, count);
             store_first(residuals + newest + at, residual, count);
+            squares += residual * residual;
+            largest = most(magnitude(residual), largest);
+            if (differences == 0)
+                continue;
             const number value_step = value - LOAD(values + before + at);
             const number residual_step = residual - LOAD(residuals + before + at);
             const number value_moved = count < LANES ? only_first(value_step, count) : value_step;
             const number moved = count < LANES ? only_first(residual_step, count) : residual_step;
-            squares += residual * residual;
             steps += value_moved * value_moved;
             across += value_moved * moved;
-            largest = most(magnitude(residual), largest);
             number younger = LOAD(residuals + before + at);
             of_steps[0] += moved * moved;
             of_residual[0] += moved * residual;
-            for (int j = 1; j < DEPTH; ++j) {
+            for (int j = 1; j < differences; ++j) {
                 const number older = LOAD(residuals + begin_of_slot(image, head, j + 1, size) + at);
                 const number step = count < LANES ? only_first(younger - older, count) : younger - older;
                 of_steps[j] += moved * step;
@@ -130,7 +134,7 @@ __kernel void mix_values(__global real *log_depth,     /* the next Z, shape (ima
                   __global real *previous,      /* as well: the change to it is not the iteration's  */
                   __global const real *values,  /* G, shape (images, SLOTS, size)                    */
                   __global const real *weights, /* w_j, shape (images, DEPTH)                        */
-                  __global const int *counts,   /* how many w_j count, shape (images,)               */
+                  __global const int *counts,   /* how many w_j there are, shape (images,)           */
                   __global const int *heads,    /* this and the following as above                   */
                   const int size,
                   const int stride,

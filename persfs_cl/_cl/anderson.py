@@ -49,9 +49,7 @@ class Products:
     @classmethod
     def of(cls, rows: NDArray[np.floating]) -> Products:
         """From those of the rows of an image."""
-        # What stands in for differences that there are not yet is anything, and is not looked at.
-        with np.errstate(all="ignore"):
-            sums = rows[:, :-1].sum(axis=0, dtype=np.float64)
+        sums = rows[:, :-1].sum(axis=0, dtype=np.float64)
         return cls(
             of_steps=sums[:DEPTH],
             of_residual=sums[DEPTH : 2 * DEPTH],
@@ -75,6 +73,8 @@ class Mixer:
         device, layout = run.device, run.layout
         self._run, self._real = run, np.dtype(precision)
         self._heads = np.zeros(run.images, np.int32)
+        self._kept = np.zeros(run.images, np.int32)
+        """Launches that the device keeps of each image, the latest not counted."""
         cells = run.images * layout.size * self._real.itemsize
         definitions = {"LANES": _LANES, "DEPTH": DEPTH}
         with in_words(device):
@@ -89,15 +89,17 @@ class Mixer:
                 "sums": allocate(device, run.images * layout.height * _SUMS * self._real.itemsize),
                 "parts": 2 if layout.apart else 1,
             }
+            cl.enqueue_copy(device.queue, self._values["base"], run.values["log_depth"])
 
     def products(self, images: Sequence[int]) -> list[Products]:
-        """Note what these images have come to since :meth:`mix`, and multiply."""
-        self._heads[list(images)] = (self._heads[list(images)] + 1) % _SLOTS
-        run = self._run
+        """Note what these images have come to since :meth:`mix`, and multiply; 0 where there is no difference yet."""
+        run, chosen = self._run, list(images)
+        self._heads[chosen] = (self._heads[chosen] + 1) % _SLOTS
         sums = np.empty((run.images, run.layout.height, _SUMS), self._real)
         with run.device.lock, in_words(run.device):
-            self._launch(self._sum, images)
+            self._launch(self._sum, chosen, self._kept)
             cl.enqueue_copy(run.device.queue, sums, self._values["sums"])
+        self._kept[chosen] = np.minimum(self._kept[chosen] + 1, DEPTH)
         return [Products.of(sums[image]) for image in images]
 
     def mix(self, weights: dict[int, NDArray[np.float64]]) -> None:
@@ -115,15 +117,15 @@ class Mixer:
             counts[image] = len(own)
         device = self._run.device
         with device.lock, in_words(device):
-            self._values |= {"weights": upload(device, padded), "counts": upload(device, counts)}
-            self._launch(self._mix, list(weights))
+            self._values["weights"] = upload(device, padded)
+            self._launch(self._mix, list(weights), counts)
             # The numbers on the device may be those arrays themselves.
             device.queue.finish()
 
-    def _launch(self, launched: Kernel, images: Sequence[int]) -> None:
+    def _launch(self, launched: Kernel, images: list[int], counts: NDArray[np.int32]) -> None:
         """Queue a kernel for these images."""
         run = self._run
         heads = np.full(run.images, _IDLE, np.int32)
-        heads[list(images)] = self._heads[list(images)]
-        self._values["heads"] = upload(run.device, heads)
+        heads[images] = self._heads[images]
+        self._values |= {"heads": upload(run.device, heads), "counts": upload(run.device, counts.copy())}
         launched.launch(run.device, (run.layout.height, run.images), None, self._values)
