@@ -159,8 +159,9 @@ def _keyword(name: str, kind: Any, option: Option) -> Parameter:
     elif kind is str and option.choices:
         # The table that they come from may grow, and so they are checked when they are given.
         metavar = f"<{'|'.join(option.choices())}>"
+    spelled = name.replace("_", "-")
     typed = typer.Option(
-        f"--{name.replace('_', '-')}",
+        f"--{spelled}/--no-{spelled}" if kind is bool else f"--{spelled}",
         metavar=metavar,
         help=option.help or None,
         callback=check,

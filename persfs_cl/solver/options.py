@@ -190,8 +190,7 @@ class Options(TypedDict, total=False):
         Option(
             True,
             as_flag,
-            "Mix what the last iterations of lax-friedrichs came to, which takes a third of the iterations; under a "
-            "parallel light, and as long as no boundary flows out or is extrapolated.",
+            "Whether what the last iterations of lax-friedrichs came to is mixed, which takes a third of them.",
         ),
     ]
     max_slope: Annotated[

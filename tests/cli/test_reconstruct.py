@@ -328,3 +328,16 @@ def test_highlights_are_left_out_or_filled(highlights: str, tmp_path: Path) -> N
     np.testing.assert_array_equal(np.isnan(depth), prepared.masked & np.isnan(frame))
     if highlights == "mask":
         assert np.nanmin(depth[5:12, 9:16]) > 1
+
+
+def test_acceleration_is_an_option_and_an_entry_of_a_configuration(photo: Path, tmp_path: Path) -> None:
+    (tmp_path / "plain.toml").write_text("acceleration = false\n", encoding="utf-8")
+    given = ["reconstruct", photo, *FOCAL, "--scheme", "lax-friedrichs", "--save", "report"]
+    for more, expected in (
+        ([], True),
+        (["--no-acceleration"], False),
+        (["--config", tmp_path / "plain.toml"], False),
+    ):
+        folder = tmp_path / f"out{len(list(tmp_path.iterdir()))}"
+        assert run(*given, *more, "-o", folder).status == 0
+        assert strict(folder / "report.json")["parameters"]["acceleration"] is expected
