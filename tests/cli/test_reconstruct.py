@@ -56,6 +56,8 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "walls": None,
         "known_depth": None,
         "albedo": None,
+        "near": None,
+        "far": None,
         "channel": "luminance",
         "encoding": "srgb",
         "bits": 16,
