@@ -146,6 +146,26 @@ def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("quick")
+def test_bounds_of_the_depth_are_numbers_or_files(tmp_path: Path) -> None:
+    scene = ps.bump((HEIGHT, WIDTH), light=ps.FlashLight(), focal_length=WIDTH)
+    tifffile.imwrite(tmp_path / "photo.tif", scene.image)
+    near = float(np.median(scene.depth))
+    far = np.where(np.arange(WIDTH) < 8, 1.02 * near, np.nan) + np.zeros((HEIGHT, 1))
+    np.save(tmp_path / "far.npy", far)
+    bounds = (f"--near={near!r}", "--far", tmp_path / "far.npy")
+    outcome = run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, "--light=flash", *bounds)
+    assert outcome.status == 0
+    depth = np.load(tmp_path / "out" / "depth.npy")
+    assert depth.min() == near
+    assert (depth[:, :8].max(), far[0, 0]) == (far[0, 0], 1.02 * near)
+    report = strict(tmp_path / "out" / "report.json")
+    assert (report["photo"]["near"], report["photo"]["far"]) == (near, str(tmp_path / "far.npy"))
+    at_bound = int(((depth == near) | (depth == far)).sum())
+    assert report["pixels"]["at_bound"] == at_bound
+    assert f"{at_bound} pixels lie on a bound of the depth" in outcome.stderr
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_place_of_the_lamp_may_be_an_angle(tmp_path: Path) -> None:
     light = ps.FlashLight(offset=(0.0, -math.tan(math.radians(6)), 0.05))
     scene = ps.hillside((HEIGHT, WIDTH), light=light, focal_length=WIDTH)
