@@ -145,6 +145,63 @@ def as_known_depth(name: str, given: ArrayLike, shape: tuple[int, ...]) -> tuple
     return to_float64(depths), known
 
 
+def as_depth_range(name: str, given: Any, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """The nearest and the farthest depth that each pixel of an image may have, NaN where it has no bound.
+
+    Both are of the image's shape, perhaps views of what was given: two numbers or arrays, or None for no bound.
+
+    Raises
+    ------
+    InputError
+        When it is no pair of these, one holds something else than depths from 1e-30 to 1e30 and NaN, or a bound from
+        below lies above the other.
+    """
+    if isinstance(given, (str, os.PathLike)):
+        raise InputError.about(name, str(given), "is no range: give a pair (near, far) of numbers or arrays.")
+    try:
+        near, far = given
+    except Exception as error:  # an object may raise anything
+        why = "is no range: give a pair (near, far) of numbers or arrays, NaN for no bound."
+        raise unlike(name, given, why) from error
+    nearest, farthest = (_as_bound(name, side, bound, shape) for side, bound in (("near", near), ("far", far)))
+    crossed = nearest > farthest
+    if crossed.any():
+        row, column = np.argwhere(crossed)[0]
+        at_near, at_far = float(nearest[row, column]), float(farthest[row, column])
+        raise InputError(
+            f"{name} has {keyword('near', at_near)} beyond {keyword('far', at_far)} at pixel [{row}, {column}] "
+            f"({np.count_nonzero(crossed)} such pixels): let the first be the smaller depth, and use NaN where one of "
+            "them is not known.",
+            argument=name,
+            value=given,
+        )
+    return nearest, farthest
+
+
+def _as_bound(name: str, side: str, given: Any, shape: tuple[int, ...]) -> Array:
+    """One side of a range of depths."""
+
+    def wrong(why: str) -> InputError:
+        return InputError(f"{keyword(side)} of {name} {why}", argument=name, value=given)
+
+    if isinstance(given, (str, os.PathLike)):
+        raise wrong(f"is {str(given)!r}, no depth: give a number, or read_depth(path, shape) if it is a path.")
+    values = as_array(side, np.nan if given is None else given)
+    if values.dtype.kind not in "iuf" or values.shape not in ((), shape):
+        raise wrong(
+            f"is {values.dtype} of shape {values.shape}: give a number, or numbers of the image's shape {shape}, NaN "
+            "where there is no bound."
+        )
+    values = to_float64(values)
+    # Written so that NaN is none of them.
+    if (bad := (values < NEAREST) | (values > FARTHEST)).any():
+        raise wrong(
+            f"holds {float(values[bad][0]):g} ({np.count_nonzero(bad)} such values): depths are distances along the "
+            f"optical axis, from {NEAREST:g} to {FARTHEST:g}; use NaN where there is no bound."
+        )
+    return np.broadcast_to(values, shape)
+
+
 def as_albedo(name: str, given: ArrayLike, used: Mask) -> Array:
     """Share of light that a surface returns at the pixels that are used, as float64 in a new array, 1 elsewhere.
 

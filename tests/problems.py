@@ -85,8 +85,9 @@ def random_problem(
     reflectance: Reflectance = Lambertian(),
     holes: float = 0.1,
     scheme: str = "lax-friedrichs",
+    bounded: bool = False,
 ) -> Problem:
-    """An image of noise with holes in the mask and a few known depths."""
+    """An image of noise with holes in the mask and a few known depths, and with bounds at most pixels or none."""
     random = np.random.default_rng(seed)
     image = random.uniform(0.2, 1.0, shape)
     mask = random.uniform(size=shape) > holes
@@ -102,7 +103,12 @@ def random_problem(
     # Whatever the scheme, for the kernels that renew the boundary; and flat surfaces too.
     options["boundary"], options["max_slope"] = boundary, 30.0
     inside = mask | (np.arange(shape[1]) < 2)
-    return prepare(image, camera, inside, None, known, options=options)
+    depths = None
+    if bounded:
+        bounds = np.sort(random.uniform(0.4, 2.2, (2, *shape)), axis=0)
+        bounds[random.uniform(size=bounds.shape) < 0.3] = np.nan
+        depths = np.where(np.isnan(known), bounds, np.nan)
+    return prepare(image, camera, inside, None, known, None, depths, options=options)
 
 
 def fitted(ordering: Ordering, device: Device, precision: str) -> Ordering:

@@ -6,6 +6,7 @@
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
                     __global const real *brightness,   /* E, marked as in update.cl, same shape               */
+                    __global const real *limits,       /* as many as LIMITS says, of that shape each          */
                     __global const uchar *flags,       /* same shape                                          */
                     __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride), columns apart            */
@@ -22,8 +23,10 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     if (finished(changes, iteration, image, images, tolerance))
         return;
     const parameter_set numbers = parameters[image];
-    const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
-    update_colour(log_depth + begin, brightness + begin, flags + begin, &numbers, column_table + image * 3 * stride,
-                  row_table + image * 3 * rows, rows, stride, 1 + (int)get_global_id(1), colour,
-                  (int)get_global_id(0), vectors_of(stride), (int)get_global_size(0));
+    const size_t size = (size_t)rows * (size_t)stride, begin = (size_t)image * size;
+    const bounds within = bounds_from(limits, (size_t)images * size, begin);
+    update_colour(log_depth + begin, brightness + begin, within, flags + begin, &numbers,
+                  column_table + image * 3 * stride, row_table + image * 3 * rows, rows, stride,
+                  1 + (int)get_global_id(1), colour, (int)get_global_id(0), vectors_of(stride),
+                  (int)get_global_size(0));
 }

@@ -49,6 +49,7 @@ static inline int claim(__global volatile int *states, const int bands, const in
 typedef struct {
     __global real *log_depth;
     __global const real *brightness;
+    bounds within;
     __global const uchar *flags;
     const parameter_set *parameters;
     __global const real *column_table, *row_table;
@@ -89,9 +90,9 @@ static inline void sweep_band(const picture *image, const int band, const int to
         const int first = SEGMENT * segment, last = min(first + SEGMENT, vectors_of(image->stride));
         number moved = 0;
         for (int row = top; row < bottom; ++row)
-            moved = most(moved, update_colour(image->log_depth, image->brightness, image->flags, image->parameters,
-                                              image->column_table, image->row_table, image->rows, image->stride, row,
-                                              (image->first_colour + stage) & 1, first, last, 1));
+            moved = most(moved, update_colour(image->log_depth, image->brightness, image->within, image->flags,
+                                              image->parameters, image->column_table, image->row_table, image->rows,
+                                              image->stride, row, (image->first_colour + stage) & 1, first, last, 1));
         if (RESTS && any_sign(as_integer(0 - moved)))
             changed[segment] = now;
     }
@@ -155,6 +156,7 @@ static inline int iterate(const picture *image, __global volatile int *states, _
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), columns apart         */
       __global const real *brightness,   /* E, marked as in update.cl, same shape               */
+      __global const real *limits,       /* as many as LIMITS says, of that shape each          */
       __global const uchar *flags,       /* same shape                                          */
       __global const parameter_set *parameters, /* shape (images,)                                     */
       __global const real *column_table, /* shape (images, 3, stride), columns apart            */
@@ -186,7 +188,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
         found = 0;
         for (int k = 0; k < images; ++k) {
             const int image = (first_image + k) % images;
-            const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
+            const size_t size = (size_t)rows * (size_t)stride, begin = (size_t)image * size;
             __global volatile int *through = sync + image, *states = sync + images + image * bands;
             const parameter_set numbers = parameters[image];
             for (int done = 0; done < iterations; ++done) {
@@ -199,6 +201,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                 const int first_half = FIRST_HALF + 2 * sweeps_before + done * halves;
                 const picture all = {log_depth + begin,
                                      brightness + begin,
+                                     bounds_from(limits, (size_t)images * size, begin),
                                      flags + begin,
                                      &numbers,
                                      column_table + image * 3 * stride,

@@ -33,6 +33,7 @@ static inline number value_from_all_sides(const number brightness, const number 
  */
 static inline number update_colour(__global real *log_depth,          /* of one image, (rows, stride), columns apart */
                                  __global const real *brightness,   /* E, marked as in update.cl, same shape       */
+                                 const bounds within,               /* see prelude.cl, same shape                  */
                                  __global const uchar *flags,       /* same shape                                  */
                                  const parameter_set *parameters,   /* of the image                                */
                                  __global const real *column_table, /* shape (3, stride), columns apart            */
@@ -63,8 +64,11 @@ static inline number update_colour(__global real *log_depth,          /* of one 
         const axis x = {LOAD(columns + at), LOAD(columns + at + stride), LOAD(columns + at + 2 * stride)};
 
         const number value = value_from_all_sides(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
+        number limits[LIMITS + 1];
+        for (int k = 0; k < LIMITS; ++k)
+            limits[k] = LOAD((k == 0 ? within.lower : within.upper) + begin + at);
         const number result =
-            updated(value, shading, here, left, right, up, down, flags + begin + at, 1, x, y, parameters, 1);
+            updated(value, shading, here, left, right, up, down, limits, flags + begin + at, 1, x, y, parameters, 1);
         STORE(cell, result);
         moved = most(moved, here - result);
     }

@@ -4,6 +4,7 @@
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
                     __global const real *brightness,   /* E, marked as in update.cl, same shape               */
+                    __global const real *limits,       /* as many as LIMITS says, of that shape each          */
                     __global const uchar *flags,       /* same shape                                          */
                     __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride)                           */
@@ -25,13 +26,14 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
     if (finished(changes, iteration, image, images, tolerance))
         return;
     const parameter_set numbers = parameters[image];
+    const bounds within = bounds_from(limits, (size_t)images * (size_t)rows * (size_t)stride, 0);
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     for (int i = 0; i < height; ++i)
         for (int j = 0; j < width; ++j) {
             const int row = first_row + (upwards ? height - 1 - i : i);
             const int column = first_column + (leftwards ? width - 1 - j : j);
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
-            update_cell(log_depth, brightness, flags, cell, stride, leftwards, upwards,
+            update_cell(log_depth, brightness, within, flags, cell, stride, leftwards, upwards,
                         axis_at(column_table + image * 3 * stride, stride, column),
                         axis_at(row_table + image * 3 * rows, rows, row), &numbers);
         }

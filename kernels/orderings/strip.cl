@@ -125,14 +125,16 @@ typedef struct {
     long skew;        /* from a lane to the one below it, on the same step    */
     int leftwards, upwards;
     int stride;
+    bounds within;    /* of the image */
     real to_p, to_q;  /* see cell.cl                                          */
 } course;
 
 /* One step of a strip: all its lanes. `coming` lies REACH columns ahead. `with_rim` is a constant in each call. */
 static inline __attribute__((always_inline)) void
-run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LANES], const int k, const border *above,
-         const border *below, __global const real *table, __global const uchar *flags, const course *way,
-         const parameter_set *parameters, const int with_rim)
+run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LANES],
+         number limits[LIMITS + 1][VECTORS][LANES], const int k, const border *above, const border *below,
+         __global const real *table, __global const uchar *flags, const course *way, const parameter_set *parameters,
+         const int with_rim)
 {
     /* From the last vector upwards, so that each finds the old results of the vector above it, and of the one below it
      * the values to the right.
@@ -160,9 +162,12 @@ run_step(lanes *state, number coming[VECTORS][LANES], number shading[VECTORS][LA
         const axis x = {LOAD(at), LOAD(at + way->stride), LOAD(at + 2 * way->stride)};
         const axis y = state->y[vector];
         const number value = value_of(e, here, left, right, up, down, way->to_p, way->to_q, x, y, parameters);
+        number own_limits[LIMITS + 1];
+        __attribute__((opencl_unroll_hint(2))) for (int limit = 0; limit < LIMITS; ++limit)
+            own_limits[limit] = limits[limit][vector][k];
         const number result =
             updated(value, e, here, way->leftwards ? right[0] : left[0], way->leftwards ? left[0] : right[0],
-                    way->upwards ? down[0] : up[0], way->upwards ? up[0] : down[0],
+                    way->upwards ? down[0] : up[0], way->upwards ? up[0] : down[0], own_limits,
                     flags + vector * LANES * way->skew, way->skew, x, y, parameters, with_rim);
 #if RESTS
         state->moved[vector] = most(state->moved[vector], magnitude(here - result));
@@ -273,7 +278,7 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
     const long column_step = way->column_step, skew = way->skew, row_step = skew + column_step;
     /* Where the first of a block's steps lies in memory, seen from the cell of the step that comes first in time. */
     const long low = leftwards ? -(LANES - 1) : 0;
-    number coming[VECTORS][LANES], shading[VECTORS][LANES];
+    number coming[VECTORS][LANES], shading[VECTORS][LANES], limits[LIMITS + 1][VECTORS][LANES];
     integer signs = 0;
     for (int vector = 0; vector < VECTORS; ++vector)
         state->moved[vector] = 0;
@@ -288,6 +293,12 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
         }
         transpose(coming[vector]);
         transpose(shading[vector]);
+        __attribute__((opencl_unroll_hint(2))) for (int limit = 0; limit < LIMITS; ++limit) {
+            __global const real *bound = limit == 0 ? way->within.lower : way->within.upper;
+            __attribute__((opencl_unroll_hint(LANES))) for (int r = 0; r < LANES; ++r)
+                limits[limit][vector][r] = LOAD(bound + cell + (vector * LANES + r) * skew + low);
+            transpose(limits[limit][vector]);
+        }
     }
     border above[BORDERS], below[BORDERS];
     __global const real *first = log_depth + cell, *last = log_depth + cell + (STRIP_ROWS - 1) * skew;
@@ -307,15 +318,17 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
 #endif
     if (RIM_CELLS && any_sign(signs)) {
         /* Rare, and large: a loop over copies, so that the arrays of the other branch can live in registers. */
-        number coming_copy[VECTORS][LANES], shading_copy[VECTORS][LANES];
+        number coming_copy[VECTORS][LANES], shading_copy[VECTORS][LANES], limits_copy[LIMITS + 1][VECTORS][LANES];
         __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
             __attribute__((opencl_unroll_hint(LANES))) for (int k = 0; k < LANES; ++k) {
                 coming_copy[vector][k] = coming[vector][k];
                 shading_copy[vector][k] = shading[vector][k];
+                __attribute__((opencl_unroll_hint(2))) for (int limit = 0; limit < LIMITS; ++limit)
+                    limits_copy[limit][vector][k] = limits[limit][vector][k];
             }
         __attribute__((opencl_unroll_hint(1))) for (int step = 0; step < LANES; ++step) {
             const int k = leftwards ? LANES - 1 - step : step;
-            run_step(state, coming_copy, shading_copy, k, above, below, table - step,
+            run_step(state, coming_copy, shading_copy, limits_copy, k, above, below, table - step,
                      flags + cell + step * column_step, way, parameters, 1);
         }
         __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
@@ -324,7 +337,7 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
     } else {
         __attribute__((opencl_unroll_hint(UNROLLED))) for (int step = 0; step < LANES; ++step) {
             const int k = leftwards ? LANES - 1 - step : step;
-            run_step(state, coming, shading, k, above, below, table - step, flags, way, parameters, 0);
+            run_step(state, coming, shading, limits, k, above, below, table - step, flags, way, parameters, 0);
         }
     }
     __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector) {
@@ -346,8 +359,9 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
  * that all strips are run by this work-item, in order: then nothing is waited for, and `progress` is not used.
  */
 static inline __attribute__((always_inline)) int
-run_strip(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
-          const parameter_set *parameters, __global const real *column_table, __global const real *row_table,
+run_strip(__global real *log_depth, __global const real *brightness, const bounds within,
+          __global const uchar *flags, const parameter_set *parameters, __global const real *column_table,
+          __global const real *row_table,
           __global volatile int *progress, __global volatile int *changed, const int rows, const int stride,
           const int first_row, const int first_column, const int height, const int width, const int leftwards,
           const int upwards, const int strip, const int first_block, const int done_before, const int sweep,
@@ -364,7 +378,7 @@ run_strip(__global real *log_depth, __global const real *brightness, __global co
     const real to_p = parameters->sign * parameters->half_inverse_dx;
     const real to_q = parameters->sign * parameters->half_inverse_dy;
     const course way = {
-        column_step, skew, leftwards, upwards, stride, leftwards ? -to_p : to_p, upwards ? -to_q : to_q,
+        column_step, skew, leftwards, upwards, stride, within, leftwards ? -to_p : to_p, upwards ? -to_q : to_q,
     };
 
     long cell = row * stride + column; /* of lane 0 */

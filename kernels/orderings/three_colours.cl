@@ -6,6 +6,7 @@
  */
 __kernel void sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
                     __global const real *brightness,   /* E, marked as in update.cl, same shape               */
+                    __global const real *limits,       /* as many as LIMITS says, of that shape each          */
                     __global const uchar *flags,       /* same shape                                          */
                     __global const parameter_set *parameters, /* shape (images,)                                     */
                     __global const real *column_table, /* shape (images, 3, stride)                           */
@@ -27,9 +28,10 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
         finished(changes, iteration, image, images, tolerance))
         return;
     const parameter_set numbers = parameters[image];
+    const bounds within = bounds_from(limits, (size_t)images * (size_t)rows * (size_t)stride, 0);
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     const size_t cell = begin + (size_t)(first_row + row) * (size_t)stride + (size_t)(first_column + column);
-    update_cell(log_depth, brightness, flags, cell, stride, 0, 0,
+    update_cell(log_depth, brightness, within, flags, cell, stride, 0, 0,
                 axis_at(column_table + image * 3 * stride, stride, first_column + column),
                 axis_at(row_table + image * 3 * rows, rows, first_row + row), &numbers);
 }

@@ -5,26 +5,27 @@
  * One work-item takes an image, which stays in the cache of its processor from sweep to sweep, and waits for nothing.
  * Work-group size 1; any number of groups, which draw images by an atomic ticket. Reads and writes log_depth in place.
  */
-static inline void run_sweep(__global real *log_depth, __global const real *brightness, __global const uchar *flags,
-                             const parameter_set *parameters, __global const real *column_table,
-                             __global const real *row_table, __global volatile int *changed, const int rows,
+static inline void run_sweep(__global real *log_depth, __global const real *brightness, const bounds within,
+                             __global const uchar *flags, const parameter_set *parameters,
+                             __global const real *column_table, __global const real *row_table, __global volatile int *changed, const int rows,
                              const int stride, const int first_row,
                              const int first_column, const int height, const int width, const int leftwards,
                              const int upwards, const int number)
 {
     for (int strip = 0; strip * STRIP_ROWS < height; ++strip) {
         if (leftwards)
-            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, changed, rows, stride,
-                      first_row, first_column, height, width, 1, upwards, strip, 0, 0, number, 1);
+            run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, rows,
+                      stride, first_row, first_column, height, width, 1, upwards, strip, 0, 0, number, 1);
         else
-            run_strip(log_depth, brightness, flags, parameters, column_table, row_table, 0, changed, rows, stride,
-                      first_row, first_column, height, width, 0, upwards, strip, 0, 0, number, 1);
+            run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, rows,
+                      stride, first_row, first_column, height, width, 0, upwards, strip, 0, 0, number, 1);
     }
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 iterate(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl              */
         __global const real *brightness,   /* E, marked as in update.cl, same shape                            */
+        __global const real *limits,       /* as many as LIMITS says, of that shape each                       */
         __global const uchar *flags,       /* same shape                                                       */
         __global const parameter_set *parameters, /* shape (images,)                                                  */
         __global const real *column_table, /* as in strip.cl, shape (images, 6, stride)                        */
@@ -62,18 +63,19 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         __global real *z = log_depth + begin, *before = previous + begin;
         __global volatile int *last_changes = changed + image * tiles_of_image(height, width);
         const parameter_set numbers = parameters[image];
+        const bounds within = bounds_from(limits, (size_t)images * size, begin);
         for (int k = iteration; k < iteration + iterations; ++k) {
             if (finished(changes, k, image, images, tolerance))
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {
-                run_sweep(z, brightness + begin, flags + begin, &numbers, column_table + image * 6 * stride,
+                run_sweep(z, brightness + begin, within, flags + begin, &numbers, column_table + image * 6 * stride,
                           row_table + image * 3 * rows, last_changes, rows, stride, first_row, first_column, height,
                           width, sweep & 1, sweep >> 1,
                           FIRST_SWEEP + sweeps_before + 4 * (k - iteration) + sweep);
                 for (int pass = 0; pass < 2; ++pass) {
                     const int2 part = part_of(counts, image, pass);
                     compute_renewed(z, &numbers, inwards, beside, renewed, part.x, part.y, 0, 1, linear, (real)lowest);
-                    apply_renewed(z, cells, renewed, part.x, part.y, 0, 1);
+                    apply_renewed(z, within, cells, renewed, part.x, part.y, 0, 1);
                 }
             }
 #if RESTS

@@ -94,6 +94,7 @@ static inline int all_claimed(const launch *all)
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride), padded as in strip.cl             */
       __global const real *brightness,   /* E, marked as in update.cl, same shape                            */
+      __global const real *limits,       /* as many as LIMITS says, of that shape each                       */
       __global const uchar *flags,       /* same shape                                                       */
       __global const parameter_set *parameters, /* shape (images,)                                                  */
       __global const real *column_table, /* as elsewhere, and once more reversed, shape (images, 6, stride)  */
@@ -130,7 +131,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
             __global volatile int *left = progress_of(&all, image, strip_to_leave(&all, sweep_of_strip, strip));
             int whole = sweep_of_strip == 0 || wait_for(left, done_before, patience_for(width)) >= done_before;
             if (whole) {
-                const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
+                const size_t size = (size_t)rows * (size_t)stride, begin = (size_t)image * size;
+                const bounds within = bounds_from(limits, (size_t)images * size, begin);
                 __global volatile int *done = progress_of(&all, image, strip);
                 const int first_block = atomic_add(done, 0) - done_before;
                 __global real *z = log_depth + begin;
@@ -141,11 +143,11 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
                 /* The flag as a constant, for two loops with straight addressing. */
                 if (direction & 1)
-                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
+                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
                                       first_row, first_column, height, width, 1, upwards, strip, first_block,
                                       done_before, sweep, 0);
                 else
-                    whole = run_strip(z, e, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
+                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
                                       first_row, first_column, height, width, 0, upwards, strip, first_block,
                                       done_before, sweep, 0);
             }

@@ -16,6 +16,7 @@
 __kernel __attribute__((reqd_work_group_size(TILE_ROWS, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
       __global const real *brightness,   /* E, marked as in update.cl, same shape               */
+      __global const real *limits,       /* as many as LIMITS says, of that shape each          */
       __global const uchar *flags,       /* same shape                                          */
       __global const parameter_set *parameters, /* shape (images,)                                     */
       __global const real *column_table, /* shape (images, 3, stride)                           */
@@ -39,6 +40,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
     if (finished(changes, iteration, image, images, tolerance))
         return;
     const parameter_set numbers = parameters[image];
+    const bounds within = bounds_from(limits, (size_t)images * (size_t)rows * (size_t)stride, 0);
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     const int tile_row = first_tile_row + (int)get_group_id(0);
     const int i = tile_row * TILE_ROWS + (int)get_local_id(0);
@@ -51,7 +53,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
             const int row = first_row + (upwards ? height - 1 - i : i);
             const int column = first_column + (leftwards ? width - 1 - j : j);
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
-            update_cell(log_depth, brightness, flags, cell, stride, leftwards, upwards,
+            update_cell(log_depth, brightness, within, flags, cell, stride, leftwards, upwards,
                         axis_at(column_table + image * 3 * stride, stride, column),
                         axis_at(row_table + image * 3 * rows, rows, row), &numbers);
         }

@@ -4,7 +4,8 @@
  *     extrapolate:  Z_0 = min(max(2 Z_1 - Z_2, lowest), Z_0)
  *
  * with Z_1 and Z_2 the next two cells inwards. A cell may look inwards along x, along y, or both (corners): the smaller
- * value counts. As in a sweep, no cell may lie more than one step, step_x or step_y, above a neighbour.
+ * value counts. As in a sweep, no cell may lie more than one step, step_x or step_y, above a neighbour, nor below a
+ * bound that it has.
  *
  * The cells of an image are renewed in two passes, edges first and corners last, since a corner may look along an edge.
  * Within a pass all values are computed, from `log_depth` to `renewed`, before the first is written back, so that the
@@ -61,10 +62,16 @@ static inline void compute_renewed(__global const real *log_depth, const paramet
     }
 }
 
-static inline void apply_renewed(__global real *log_depth, __global const int *cells, __global const real *renewed,
-                                 const int begin, const int end, const int item, const int items)
+static inline void apply_renewed(__global real *log_depth, const bounds within, __global const int *cells,
+                                 __global const real *renewed, const int begin, const int end, const int item,
+                                 const int items)
 {
-    for (int k = begin + item; k < end; k += items)
-        if (renewed[k] < log_depth[cells[k]])
-            log_depth[cells[k]] = renewed[k];
+    for (int k = begin + item; k < end; k += items) {
+        real value = renewed[k];
+#if LIMITS > 0
+        value = within.lower[cells[k]] > value ? within.lower[cells[k]] : value;
+#endif
+        if (value < log_depth[cells[k]])
+            log_depth[cells[k]] = value;
+    }
 }

@@ -5,6 +5,7 @@
  */
 static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
                                __global const real *brightness, /* marked as in update.cl, same shape */
+                               const bounds within,             /* see prelude.cl, same shape          */
                                __global const uchar *flags,     /* see prelude.cl, same shape          */
                                const size_t cell, const int stride, const int leftwards, const int upwards,
                                const axis x, const axis y, const parameter_set *parameters)
@@ -25,8 +26,11 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
         down[k] = at[(k + 1) * row_step];
     }
     const real value = value_of(shading, here, left, right, up, down, to_p, to_q, x, y, parameters);
-    const real result = updated(value, shading, here, at[-1], at[1], at[-(long)stride], at[stride], flags + cell, 1, x,
-                                y, parameters, 1);
+    number limits[LIMITS + 1];
+    for (int k = 0; k < LIMITS; ++k)
+        limits[k] = (k == 0 ? within.lower : within.upper)[cell];
+    const real result = updated(value, shading, here, at[-1], at[1], at[-(long)stride], at[stride], limits,
+                                flags + cell, 1, x, y, parameters, 1);
     /* Else it is what stands there. */
     if (result < bound_of(here))
         log_depth[cell] = result;

@@ -6,6 +6,8 @@
  *             integer of the same width. At most as many as a vector register holds: see registers.cl.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
  * ONLY_LOWER  0 or 1: whether values only fall; 0 for the correction to second order, and what is accelerated.
+ * LIMITS      0, 1 or 2: how many bounds values have; none, one from below, or one from below and one from above, which
+ *             only values need that may rise: others stay below what they begin with.
  * FUSED       1: multiply-add is the built-in fma; 0: a product and a sum that the compiler contracts, for drivers in
  *             which fma is a function call.
  * BUILTINS    1: the compiler's own functions for square root, prefetch and fence, which OpenCL C lacks or which are
@@ -19,6 +21,9 @@
 #endif
 #ifndef ONLY_LOWER
 #define ONLY_LOWER 1
+#endif
+#ifndef LIMITS
+#define LIMITS 0
 #endif
 
 #if USE_DOUBLE
@@ -187,6 +192,34 @@ static inline int any_sign(const integer bits)
 static inline number bound_of(const number here)
 {
     return choose(ONLY_LOWER, here, 0.5f * NOWHERE);
+}
+
+/* Bounds of the values of cells, NaN where there is none: the lower are read where LIMITS is 1 or 2, the upper where it
+ * is 2.
+ */
+typedef struct {
+    __global const real *lower, *upper;
+} bounds;
+
+/* Those from the cell `begin` on, where the bounds of all cells from below, so many in all, come before the others. */
+static inline bounds bounds_from(__global const real *limits, const size_t all_cells, const size_t begin)
+{
+    const bounds result = {limits + begin, limits + (LIMITS > 1 ? all_cells + begin : begin)};
+    return result;
+}
+
+/* `value` within as many bounds as LIMITS says. */
+static inline number limited(const number value, const number *limits)
+{
+    /* Written so that a NaN stays one, whatever the bounds, and that a bound which is NaN is none. */
+    number result = value;
+#if LIMITS > 0
+    result = limits[0] > result ? limits[0] : result;
+#endif
+#if LIMITS > 1
+    result = limits[1] < result ? limits[1] : result;
+#endif
+    return result;
 }
 
 /* Flags of a cell. A neighbour is missing where the image or the mask ends, or where a wall stands. */

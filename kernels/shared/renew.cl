@@ -4,6 +4,7 @@
  * (items, 1). Reads and writes log_depth in place.
  */
 __kernel void renew_boundary(__global real *log_depth,        /* shape (images, size)                     */
+                             __global const real *limits,     /* as LIMITS says, of that shape each      */
                              __global const parameter_set *parameters, /* shape (images,)                          */
                              __global const int *counts,      /* this and the next three: see boundary.cl */
                              __global const int *cells,
@@ -21,14 +22,16 @@ __kernel void renew_boundary(__global real *log_depth,        /* shape (images, 
     const int image = (int)get_global_id(1);
     if (finished(changes, iteration, image, images, tolerance))
         return;
-    __global real *values = log_depth + (size_t)image * (size_t)size;
+    const size_t begin = (size_t)image * (size_t)size;
+    __global real *values = log_depth + begin;
+    const bounds within = bounds_from(limits, (size_t)images * (size_t)size, begin);
     const parameter_set numbers = parameters[image];
     const int item = (int)get_local_id(0), items = (int)get_local_size(0);
     for (int pass = 0; pass < 2; ++pass) {
         const int2 part = part_of(counts, image, pass);
         compute_renewed(values, &numbers, inwards, beside, renewed, part.x, part.y, item, items, linear, (real)lowest);
         barrier(CLK_GLOBAL_MEM_FENCE);
-        apply_renewed(values, cells, renewed, part.x, part.y, item, items);
+        apply_renewed(values, within, cells, renewed, part.x, part.y, item, items);
         barrier(CLK_GLOBAL_MEM_FENCE);
     }
 }

@@ -35,6 +35,9 @@ class Image:
     outside : float or None
         The value of what lies around the image, for a scheme that only wants a missing neighbour to be high; None for
         one that treats cells apart which lack a neighbour.
+    limits : ndarray of float64, shape (2, height, width), or None
+        Bounds of the values from below and from above, NaN where there is none; None where there are none at all.
+        `log_depth` keeps to them.
     """
 
     log_depth: NDArray[np.float64]
@@ -48,6 +51,7 @@ class Image:
     edges: int
     settles: bool
     outside: float | None = None
+    limits: NDArray[np.float64] | None = None
 
     def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
         """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""

@@ -18,6 +18,7 @@ from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.kernel import kernel
 from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.limits import constants_of, stored_limits
 from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, Ordering, Setup
 from persfs_cl._cl.parameters import records
@@ -95,6 +96,7 @@ class Sweeper:
             setup = Setup(device, precision, (height, width), self.count, second_order, only_lower)
             ordering = ordering_for(ordering, setup)
         has_boundary = any(len(image.cells) for image in images)
+        self._limits = constants_of(images, may_rise=not only_lower)
         self.ordering = ordering = replace(ordering, rests=rests and images[0].settles and not has_boundary)
         self._layout = ordering.layout((height, width))
         self._tolerance = _rounded_down(tolerance)
@@ -106,9 +108,10 @@ class Sweeper:
             values = self._uploaded(images)
             values |= {"tolerance": self._tolerance, "linear": int(linear), "lowest": _LOWEST}
             files, fields = [*model, *ordering.kernels], list(images[0].parameters)
+            definitions = {**ordering.definitions, **self._limits}
             self._run = Run(
                 device=device,
-                kernel=kernel(device, files, precision, ordering.definitions, ordering.function, fields),
+                kernel=kernel(device, files, precision, definitions, ordering.function, fields),
                 layout=self._layout,
                 images=self.count,
                 has_boundary=has_boundary,
@@ -131,6 +134,7 @@ class Sweeper:
             "previous": allocate(device, stored.nbytes),
             "brightness": upload(device, brightness),
             "flags": upload(device, flags),
+            "limits": upload(device, stored_limits(images, layout, real, self._limits.get("LIMITS", 0))),
             "parameters": upload(device, records([image.parameters for image in images], real)),
             "column_table": upload(device, columns.astype(real)),
             "row_table": upload(device, rows.astype(real)),
@@ -156,7 +160,7 @@ class Sweeper:
         """Those that follow sweeps in launches of their own."""
         device = self._device
         if self._run.has_boundary and self.ordering.single_sweeps:
-            self._renew = kernel(device, ["boundary", "renew"], precision, None, "renew_boundary")
+            self._renew = kernel(device, ["boundary", "renew"], precision, self._limits, "renew_boundary")
             self._renew_items = min(256, self._renew.largest_group(device))
         if self.ordering.single_sweeps:
             tiled = self.ordering.rests and self.ordering.counts_tiles

@@ -16,6 +16,9 @@ from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
+    FarOption,
+    NearOption,
+    chosen_bounds,
     chosen_camera,
     chosen_keywords,
     chosen_light,
@@ -141,6 +144,8 @@ def batch(
             metavar="FILE", help="One for all: depths that are kept, NaN where unknown.", rich_help_panel=_REGION
         ),
     ] = None,
+    near: NearOption = None,
+    far: FarOption = None,
     save: SaveOption = DEFAULT_ITEMS,
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     shard: Annotated[
@@ -206,6 +211,7 @@ def batch(
         walls,
         known_depth,
         albedo,
+        *chosen_bounds(near, far),
         brightness,
         light,
         reflectance,

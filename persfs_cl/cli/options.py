@@ -9,9 +9,11 @@ from typing import Annotated, Any, Optional, cast, get_args
 
 import typer
 
+from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.cli.choosers import with_signature
 from persfs_cl.cli.kinds import kind_chooser
 from persfs_cl.cli.numbers import finite_numbers
+from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.pipeline.brightness import Brightness
@@ -22,7 +24,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Option, Options, complete, described
 
-_CAMERA, _LIGHT, _MATERIAL = "Camera", "Light", "Material"
+_CAMERA, _LIGHT, _MATERIAL, _REGION = "Camera", "Light", "Material", "Region and known values"
 _EITHER = "'--focal-length' / '--fov'"
 
 AlbedoOption = Annotated[
@@ -34,6 +36,58 @@ AlbedoOption = Annotated[
         rich_help_panel=_MATERIAL,
     ),
 ]
+
+
+def _bound(text: str) -> float | Path:
+    try:
+        return float(text)
+    except ValueError:
+        return Path(text)
+
+
+NearOption = Annotated[
+    str | None,
+    typer.Option(
+        "--near",
+        metavar="DEPTH|FILE",
+        help="No pixel is nearer than this: a number, or .npy or .tiff of one for each pixel, NaN where unknown.",
+        rich_help_panel=_REGION,
+    ),
+    MayBePath(_bound),
+]
+FarOption = Annotated[
+    str | None,
+    typer.Option(
+        "--far",
+        metavar="DEPTH|FILE",
+        help="No pixel is farther than this. With one of both nothing is taken to have depth 1.",
+        rich_help_panel=_REGION,
+    ),
+    MayBePath(_bound),
+]
+
+
+def chosen_bounds(near: str | None, far: str | None) -> tuple[float | Path | None, float | Path | None]:
+    """What the two options tell.
+
+    Raises
+    ------
+    typer.BadParameter
+        When a number is no depth, or they leave none between them.
+    """
+    bounds = tuple(None if text is None else _bound(text) for text in (near, far))
+    for option, bound in zip(("--near", "--far"), bounds, strict=True):
+        if isinstance(bound, float) and not NEAREST <= bound <= FARTHEST:
+            raise typer.BadParameter(
+                f"{bound:g} is no depth: give a number from {NEAREST:g} to {FARTHEST:g}, or a file.",
+                param_hint=f"'{option}'",
+            )
+    nearest, farthest = bounds
+    if isinstance(nearest, float) and isinstance(farthest, float) and nearest > farthest:
+        raise typer.BadParameter(
+            f"{nearest:g} is beyond {farthest:g}: give the smaller depth to --near.", param_hint="'--near' / '--far'"
+        )
+    return nearest, farthest
 
 
 def require_fitting(keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness) -> None:

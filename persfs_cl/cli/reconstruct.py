@@ -14,6 +14,9 @@ from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
+    FarOption,
+    NearOption,
+    chosen_bounds,
     chosen_camera,
     chosen_keywords,
     chosen_light,
@@ -84,6 +87,8 @@ def reconstruct(
             rich_help_panel=_REGION,
         ),
     ] = None,
+    near: NearOption = None,
+    far: FarOption = None,
     save: SaveOption = "depth,mesh,pictures,page,report",
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     keywords: Options,
@@ -97,6 +102,7 @@ def reconstruct(
     """
     saving = chosen_saving(save, mesh_faces)
     require_fitting(keywords, light, reflectance, brightness)
+    nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,
         camera,
@@ -105,6 +111,8 @@ def reconstruct(
         walls=walls,
         known_depth=known_depth,
         albedo=albedo,
+        near=nearest,
+        far=farthest,
         light=light,
         reflectance=reflectance,
         keywords=keywords,
@@ -184,6 +192,8 @@ def _summary(result: PhotoSolution) -> str:
             f"\n{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: "
             "mask them out if they are shadow or paint."
         )
+    if at_bound := int(solution.at_bound.sum()):
+        text += f"\n{at_bound} pixels lie on a bound of the depth, --near or --far, and not where the photo has them."
     if unreached := int(solution.unreached.sum()):
         text += f"\n{unreached} pixels have no depth: no known depth can reach them."
     if solution.walls is not None and not solution.walls.any():

@@ -13,7 +13,7 @@ from typing import Any, Literal, cast, get_args
 
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_whole_number, check_choice
+from persfs_cl.checks import FARTHEST, NEAREST, as_number, as_whole_number, check_choice
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.pipeline.brightness import Brightness
@@ -264,6 +264,8 @@ def batch(
     walls: FilePath | None = None,
     known_depth: FilePath | None = None,
     albedo: FilePath | None = None,
+    near: float | FilePath | None = None,
+    far: float | FilePath | None = None,
     frames: str | None = None,
     save: str | Iterable[str] = DEFAULT_ITEMS,
     mesh_faces: int | None = DEFAULT_MESH_FACES,
@@ -296,6 +298,8 @@ def batch(
         Folder with a mask for each photograph: that of ``a/b.jpg`` is ``a/b.jpg.png``, black where nothing is solved.
     mask, walls, known_depth, albedo : path, optional
         Files for all photographs, of their size.
+    near, far : float or path, optional
+        Depths between which all surfaces lie, see `depth_range` of :func:`reconstruct`: numbers, or such files.
     frames : str, optional
         Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
     save, mesh_faces
@@ -366,6 +370,8 @@ def batch(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
         **{name: None if file is None else as_path(file) for name, file in files.items()},
+        near=_bound("near", near),
+        far=_bound("far", far),
         brightness=brightness,
         light=settings["light"],
         reflectance=settings["reflectance"],
@@ -382,6 +388,15 @@ def batch(
     whole = Batch(listing, plan, store, again=again, shard=as_shard(shard))
     results = whole.results(workforce(plan, store, device, max_memory, scheduler))
     return _shown(results, plan, store, listing, title_of([str(one) for one in given]))
+
+
+def _bound(name: str, given: float | FilePath | None) -> float | Path | None:
+    """A bound of the depth as a plan has it; InputError when it is none."""
+    if given is None:
+        return None
+    if isinstance(given, (str, os.PathLike)):
+        return as_path(given)
+    return as_number(name, given, least=NEAREST, most=FARTHEST, what="a depth", hint=", or a file")
 
 
 def _shown(

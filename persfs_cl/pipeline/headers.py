@@ -12,7 +12,14 @@ from persfs_cl.io.video import read_video_header
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.optics import horizontal_view
 
-_MAPS: dict[str, MapKind] = {"mask": "mask", "walls": "mask", "known_depth": "depth", "albedo": "light"}
+_MAPS: dict[str, MapKind] = {
+    "mask": "mask",
+    "walls": "mask",
+    "known_depth": "depth",
+    "albedo": "light",
+    "near": "depth",
+    "far": "depth",
+}
 
 
 @dataclass(frozen=True)

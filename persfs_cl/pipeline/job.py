@@ -50,6 +50,8 @@ class Job:
     brightness : Brightness
     mask, walls, known_depth, albedo : Path or None
         Files of the photo's size.
+    near, far : float, Path or None
+        Depths between which the surface lies, as numbers or files.
     light : Light
     reflectance : Reflectance
     keywords : Options
@@ -65,6 +67,8 @@ class Job:
     walls: Path | None = None
     known_depth: Path | None = None
     albedo: Path | None = None
+    near: float | Path | None = None
+    far: float | Path | None = None
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
@@ -76,9 +80,9 @@ class Job:
         return str(self.path) if self.frame is None else f"{self.path}, frame {self.frame}"
 
     @property
-    def files(self) -> dict[str, Path | None]:
-        """The photo, and what comes with it."""
-        names = ("path", "mask", "walls", "known_depth", "albedo")
+    def files(self) -> dict[str, float | Path | None]:
+        """The photo, and what comes with it; bounds of the depth may be numbers."""
+        names = ("path", "mask", "walls", "known_depth", "albedo", "near", "far")
         return {name: getattr(self, name) for name in names}
 
 
@@ -100,6 +104,8 @@ class JobInputs:
     known_depth : ndarray of float64, shape (height, width), or None
         NaN where unknown.
     albedo : ndarray of float64, shape (height, width), or None
+    depth_range : (near, far) or None
+        Numbers, arrays of that shape, or None where there is no bound.
     """
 
     job: Job
@@ -111,6 +117,7 @@ class JobInputs:
     walls: Mask | None
     known_depth: Array | None
     albedo: Array | None
+    depth_range: tuple[float | Array | None, float | Array | None] | None
 
     @property
     def lit(self) -> Mask:
@@ -146,13 +153,14 @@ class PreparedJob:
     report: Mapping[str, Any]
 
     @property
-    def maps(self) -> dict[str, Array | Mask | None]:
+    def maps(self) -> dict[str, Any]:
         """What goes with the image, by the keywords of :func:`persfs_cl.reconstruct`."""
         return {
             "mask": self.mask,
             "walls": self.inputs.walls,
             "known_depth": self.known_depth,
             "albedo": self.inputs.albedo,
+            "depth_range": self.inputs.depth_range,
         }
 
 
@@ -178,9 +186,13 @@ def read_job(job: Job) -> JobInputs:
     shares = None
     if job.albedo is not None:
         shares = read_light(job.albedo, shape, channel=photo.channel, encoding=encoding, orientation=turned)
+    bounds = [
+        read_depth(one, shape, orientation=turned) if isinstance(one, Path) else one for one in (job.near, job.far)
+    ]
+    within = None if job.near is None and job.far is None else (bounds[0], bounds[1])
     preparation = job.brightness.preparation(shape, orientation=turned)
     camera, source = job.camera.of(job.path, shape)
-    inputs = JobInputs(job, photo, preparation, camera, source, opaque & inside, walls, depths, shares)
+    inputs = JobInputs(job, photo, preparation, camera, source, opaque & inside, walls, depths, shares, within)
     if not inputs.lit.any():
         left_out = {"transparent": ~opaque, f"outside {job.mask}": ~inside}
         if walls is not None:
@@ -199,7 +211,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     """
     job, photo, wanted, walls = inputs.job, inputs.photo, inputs.wanted, inputs.walls
     depths = inputs.known_depth
-    assumed = depths is None and job.light.flat_rim
+    assumed = depths is None and inputs.depth_range is None and job.light.flat_rim
     known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
     solvable = wanted
     with _naming(job.title):
@@ -230,7 +242,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             **done,
             "encoding": photo.encoding,
             "bits": photo.bits,
-            **{name: None if file is None else str(file) for name, file in job.files.items()},
+            **{name: str(file) if isinstance(file, Path) else file for name, file in job.files.items()},
             **({} if job.frame is None else {"frame": job.frame}),
         },
         "known": {

@@ -46,6 +46,8 @@ class Plan:
         A folder with a mask for each photo.
     mask, walls, known_depth, albedo : Path or None
         Files for all photos, which must have their size.
+    near, far : float, Path or None
+        Bounds of the depth for all photos, as numbers or such files.
     brightness, light, reflectance, keywords
         As for :class:`persfs_cl.pipeline.job.Job`.
     saving : Saving
@@ -58,6 +60,8 @@ class Plan:
     walls: Path | None = None
     known_depth: Path | None = None
     albedo: Path | None = None
+    near: float | Path | None = None
+    far: float | Path | None = None
     brightness: Brightness = field(default_factory=Brightness)
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
@@ -86,6 +90,8 @@ class Plan:
             walls=self.walls,
             known_depth=self.known_depth,
             albedo=self.albedo,
+            near=self.near,
+            far=self.far,
             light=self.light,
             reflectance=self.reflectance,
             keywords=self.keywords,
@@ -102,7 +108,8 @@ class Plan:
         """
         if self.masks is not None and not self.masks.is_dir():
             raise InputError(f"{self.masks} is no folder: name the one that the masks are in.")
-        for file in (self.mask, self.walls, self.known_depth, self.albedo, *vars(self.brightness).values()):
+        of_depth = (self.known_depth, self.near, self.far)
+        for file in (self.mask, self.walls, *of_depth, self.albedo, *vars(self.brightness).values()):
             if isinstance(file, Path):
                 with opened(file):
                     pass
@@ -112,7 +119,10 @@ class Plan:
         return {
             "camera": _plain(self.camera),
             "cameras": None if self.cameras is None else str(self.cameras.path),
-            **{name: _plain(getattr(self, name)) for name in ("masks", "mask", "walls", "known_depth", "albedo")},
+            **{
+                name: _plain(getattr(self, name))
+                for name in ("masks", "mask", "walls", "known_depth", "albedo", "near", "far")
+            },
             "brightness": _plain(self.brightness),
             "light": _plain(self.light),
             "reflectance": _plain(self.reflectance),
@@ -129,6 +139,7 @@ class Plan:
             "brightness": {
                 name: "file" if isinstance(value, Path) else value for name, value in vars(job.brightness).items()
             },
+            "bounds": ["file" if isinstance(bound, Path) else bound for bound in (job.near, job.far)],
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),

@@ -48,6 +48,8 @@ class Case:
         In words.
     scheme, surface, boundary
         As for :func:`persfs_cl.reconstruct`.
+    bounded : bool
+        Whether depths have bounds.
     """
 
     kind: Kind
@@ -58,6 +60,7 @@ class Case:
     scheme: str = "lax-friedrichs"
     surface: Surface = "away"
     boundary: Boundary = "wall"
+    bounded: bool = False
 
     @property
     def light_source(self) -> Light:
@@ -86,6 +89,8 @@ class Case:
             parts.append(self.surface)
         if self.boundary != "wall":
             parts.append(self.boundary)
+        if self.bounded:
+            parts.append("with bounds")
         return ", ".join(parts)
 
     @property
@@ -132,6 +137,10 @@ def _others() -> Iterator[Case]:
             yield Case("sweeps", precision, ordering, "flash without fall-off")
             yield Case("sweeps", precision, ordering, "flash without fall-off", scheme="upwind", surface="toward")
             yield Case("sweeps", precision, ordering, "lamp off the axis", scheme="upwind")
+    for precision in PRECISIONS:
+        for ordering in ORDERINGS:
+            yield Case("sweeps", precision, ordering, boundary="outflow", bounded=True)
+            yield Case("sweeps", precision, ordering, "flash", scheme="upwind", bounded=True)
     for precision in PRECISIONS:
         for ordering in ORDERINGS:
             yield Case("shared image", precision, ordering)

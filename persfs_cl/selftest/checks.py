@@ -122,7 +122,7 @@ class Checks:
 
     def _sweeps(self, case: Case, outcome: Outcome) -> None:
         """Some iterations and, where that can be had in good time, the limit."""
-        problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=SMALL)
+        problem = _problem(case, SMALL)
         tolerance = TOLERANCES[case.precision]
         sweeper = self._sweeper(case, problem, outcome)
         changes = [self._first_runs(sweeper, outcome), sweeper.run(_STEPS - 2)]
@@ -142,7 +142,7 @@ class Checks:
 
     def _shared_image(self, case: Case, outcome: Outcome) -> None:
         """An image that several work-groups share."""
-        problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=LARGE)
+        problem = _problem(case, LARGE)
         sweeper = self._sweeper(case, problem, outcome)
         changes = self._first_runs(sweeper, outcome)
         values = sweeper.log_depth()[0]
@@ -326,9 +326,13 @@ def _limit_is_near(case: Case) -> bool:
     return case.boundary == "wall" and quickly
 
 
+def _problem(case: Case, shape: tuple[int, int]) -> Problem:
+    light, material = case.light_source, case.reflectance
+    return noise(light, material, case.scheme, case.surface, case.boundary, shape, bounded=case.bounded)
+
+
 def _reference(case: Case) -> Reference:
-    shape = SMALL if case.kind == "sweeps" else LARGE
-    problem = noise(case.light_source, case.reflectance, case.scheme, case.surface, case.boundary, shape=shape)
+    problem = _problem(case, SMALL if case.kind == "sweeps" else LARGE)
     return Reference.of(problem, linear=case.boundary == "extrapolate")
 
 
@@ -338,7 +342,8 @@ def _unsettled(problem: Problem, values: NDArray[np.floating]) -> float:
     start, reference.log_depth = reference.log_depth, values.astype(np.float64)
     rows, columns = np.nonzero(problem.domain.solved)
     sides = [(leftwards, upwards) for upwards in (0, 1) for leftwards in (0, 1)]
-    found = [reference.upwind(rows, columns, *side, both_edges=True) for side in sides]
+    lowest = reference.least[rows, columns]
+    found = [np.maximum(reference.upwind(rows, columns, *side, both_edges=True), lowest) for side in sides]
     least = np.fmin.reduce([*found, start[rows, columns]])
     known = _apart(reference.log_depth[problem.domain.known], start[problem.domain.known])
     return max(known, _apart(reference.log_depth[rows, columns], least))

@@ -35,6 +35,8 @@ def noise(
     surface: Surface,
     boundary: Boundary,
     shape: tuple[int, int] = SMALL,
+    *,
+    bounded: bool = False,
 ) -> Problem:
     """An image of noise with holes in its mask, known depths here and there and, where the boundary wants it, a frame.
 
@@ -43,6 +45,8 @@ def noise(
     light, reflectance, scheme, surface, boundary
         As for :func:`persfs_cl.reconstruct`, none of them "auto".
     shape : (int, int)
+    bounded : bool
+        Whether most pixels have bounds of their depth.
     """
     random = np.random.default_rng(_SEED)
     options = complete(
@@ -59,7 +63,11 @@ def noise(
     if boundary == "fixed":
         mask[:] = True
         known[[0, -1]] = known[:, [0, -1]] = 1.0
-    return prepare(image, camera, mask, None, known, options=options)
+    bounds = None
+    if bounded:
+        bounds = np.sort(random.uniform(0.4, 2.2, (2, *shape)), axis=0)
+        bounds[:, ~np.isnan(known)] = bounds[random.uniform(size=bounds.shape) > 0.7] = np.nan
+    return prepare(image, camera, mask, None, known, None, bounds, options=options)
 
 
 def smooth(light: Light, reflectance: Reflectance) -> tuple[Scene, Problem]:

@@ -81,6 +81,7 @@ def lay_out(
     walls: Mask | None,
     boundary: str,
     *,
+    held: Mask | None = None,
     needs_known: bool = True,
     window: Window | None = None,
 ) -> Domain:
@@ -95,6 +96,8 @@ def lay_out(
     walls : ndarray of bool, shape (height, width), or None
         Pixels that nothing crosses; they get no value.
     boundary : {"outflow", "extrapolate", "fixed", "wall"}
+    held : ndarray of bool, shape (height, width), or None
+        Pixels whose values have a bound that they begin with: what is known so far is as good as known.
     needs_known : bool
         False where the image alone determines the depth: then all pixels are solved.
     window : Window, optional
@@ -119,24 +122,28 @@ def lay_out(
             f"{int((~wanted).sum())} masked out and {0 if walls is None else int(walls.sum())} walls. "
             "Leave some pixels unknown (NaN)."
         )
-    if needs_known and not known.any():
+    held = np.zeros(unknown.shape, bool) if held is None else held & unknown
+    if needs_known and not known.any() and not held.any():
         raise InputError(
-            f"No depth is known: give {keyword('known_depth')} at least one finite value that is not behind a wall.",
+            f"No depth is known: give {keyword('known_depth')} at least one finite value that is not behind a wall, or "
+            f"a range with {keyword('far')} bounds, for {keyword('surface', 'toward')} with {keyword('near')} ones.",
             argument="known_depth",
         )
     if window is None:
         window = Window.whole((wanted.shape[0], wanted.shape[1]))
-    counts = int(np.count_nonzero(known)), int(np.count_nonzero(unknown))
+    counts = int(np.count_nonzero(known | held)), int(np.count_nonzero(unknown))
     known_inside = window.cut(known)
-    if boundary in _RENEWED and np.count_nonzero(known_inside) < counts[0]:
+    if boundary in _RENEWED and np.count_nonzero(known_inside) < np.count_nonzero(known):
         # A chain of known pixels may leave the window and come back.
-        return _laid_out(unknown, known, boundary, counts, needs_known=needs_known).cut(window)
-    return _laid_out(window.cut(unknown), known_inside, boundary, counts, needs_known=needs_known)
+        return _laid_out(unknown, known, held, boundary, counts, needs_known=needs_known).cut(window)
+    return _laid_out(window.cut(unknown), known_inside, window.cut(held), boundary, counts, needs_known=needs_known)
 
 
-def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int], *, needs_known: bool) -> Domain:
-    """Classify pixels without walls; `counts` are the known and the unknown ones of the image."""
-    reached = unknown & connected(known, unknown | known) if needs_known else unknown
+def _laid_out(
+    unknown: Mask, known: Mask, held: Mask, boundary: str, counts: tuple[int, int], *, needs_known: bool
+) -> Domain:
+    """Classify pixels without walls; `counts` are those known or held, and the unknown ones, of the image."""
+    reached = unknown & connected(known | held, unknown | known) if needs_known else unknown
     if not reached.any():
         raise InputError(
             f"None of the {counts[0]} known depths can reach the {counts[1]} pixels to solve: give a known depth "
@@ -153,7 +160,7 @@ def _laid_out(unknown: Mask, known: Mask, boundary: str, counts: tuple[int, int]
                 f"needs a known depth on every edge pixel of the image and mask, but {open_rim} have none: add them to "
                 f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
-    renewed = _boundary(reached, known, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
+    renewed = _boundary(reached, known | held, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
     np.bitwise_or(flags, SWEPT, out=flags, where=reached)
     flags.ravel()[renewed.cells] ^= SWEPT
     return Domain(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +13,11 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid, require_camera
 from persfs_cl.checks import as_mask
+from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
 from persfs_cl.maps import as_albedo, as_array_of_image, as_known_depth
 from persfs_cl.shading.model import Model
+from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.domain import Domain, lay_out
 from persfs_cl.solver.inputs import (
     require_image,
@@ -80,6 +82,10 @@ class Given:
         None where all known pixels are in the window.
     walls : ndarray of bool, shape (height, width), or None
         Pixels of walls that belong to the surface: inside the mask, or of known depth. None where no walls are given.
+    depth_range : DepthRange or None
+        Of the image.
+    precision : {"float32", "float64"}
+        Of the values on the device.
     known_values : ndarray of float64, shape (n,)
         W of the known pixels, in the order of the image.
     seen : ndarray of bool, shape (n,)
@@ -104,6 +110,8 @@ class Given:
     known_depth: Array
     known_beyond: KnownBeyond | None
     walls: Mask | None
+    depth_range: DepthRange | None
+    precision: Precision
     known_values: Array
     seen: Mask
     sign: float
@@ -123,6 +131,7 @@ def check(
     walls: ArrayLike | None,
     known_depth: ArrayLike | None,
     albedo: ArrayLike | None = None,
+    depth_range: Any = None,
     *,
     options: Options,
     whole: bool,
@@ -152,28 +161,40 @@ def check(
     camera.warn_if_off_image(shape)
     wanted = np.ones(shape, bool) if mask is None else as_mask("mask", as_array_of_image("mask", mask), shape)
     barriers = None if walls is None else as_mask("walls", as_array_of_image("walls", walls), shape)
-    if known_depth is None and not light.flat_rim and not light.determines_depth:
+    if known_depth is None and depth_range is None and not light.flat_rim and not light.determines_depth:
         raise InputError(
             f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
             "only: give at least one depth, or photograph with fall-off.",
             argument="known_depth",
         )
-    depths: Array | None = None
-    if known_depth is not None:
-        depths, known = as_known_depth("known_depth", known_depth, shape)
+    sign = 1.0 if options["surface"] == "away" else -1.0
+    depths = None if known_depth is None else as_known_depth("known_depth", known_depth, shape)[0]
+    within = None if depth_range is None else DepthRange.of(depth_range, shape)
+    if within is not None:
+        depths = within.with_known(depths)
+    # Where neither is given.
+    assumed = depths is None and within is None
+    if depths is not None:
+        known = ~np.isnan(depths)
     else:
-        known = masks.rim(wanted) if light.flat_rim else np.zeros(shape, bool)
-    if known_depth is None and wanted.any() and not (wanted & ~known).any():
+        known = masks.rim(wanted) if assumed and light.flat_rim else np.zeros(shape, bool)
+    if assumed and wanted.any() and not (wanted & ~known).any():
         raise InputError(
             f"All {int(wanted.sum())} pixels lie on the edge of the image or mask, where z = 1 is assumed, and none is "
             f"left to solve: give {keyword('known_depth')}.",
             argument="known_depth",
         )
     window = Window.whole(shape)
-    if not whole and (mask is not None or known_depth is not None):
-        window = _window(wanted, known, model, assumed=known_depth is None, walled=walls is not None)
+    if not whole and (mask is not None or depths is not None):
+        window = _window(wanted, known, model, assumed=assumed, walled=walls is not None)
     layout = lay_out(
-        wanted, known, barriers, options["boundary"], needs_known=not light.determines_depth, window=window
+        wanted,
+        known,
+        barriers,
+        options["boundary"],
+        held=None if within is None else within.anchors(sign),
+        needs_known=not light.determines_depth,
+        window=window,
     )
     on_walls = None if barriers is None else barriers & (wanted | known)
     kept = known if barriers is None else known & ~barriers
@@ -190,7 +211,7 @@ def check(
             brightness = brightness / window.cut(reflecting)
     name = "image" if reflecting is None else "image / albedo"
     require_shading(brightness, layout.solved, model, model.brightest(image_grid), name)
-    if known_depth is None and light.flat_rim:
+    if assumed and light.flat_rim:
         inside = window.cut(wanted)
         looked_at = inside if barriers is None else inside & ~window.cut(barriers)
         warn_of_steep_outline(brightness, looked_at, inside, light, options["reflectance"])
@@ -198,7 +219,7 @@ def check(
         model.check_scale(brightness, layout.solved, image_grid)
         warn_of_background(brightness, layout.solved)
 
-    sign, grid = 1.0 if options["surface"] == "away" else -1.0, window.grid(image_grid)
+    grid = window.grid(image_grid)
     offset = model.offset(grid)
     known_depths = np.where(window.cut(known), 1.0, np.nan) if depths is None else window.cut(depths)
     depths_inside = known_depths[layout.known]
@@ -217,6 +238,8 @@ def check(
         known_depth=known_depths,
         known_beyond=beyond,
         walls=None if on_walls is None else window.cut(on_walls),
+        depth_range=within,
+        precision=options["precision"],
         known_values=sign * (np.log(depths_inside) + offset[layout.known]),
         seen=seen,
         sign=sign,

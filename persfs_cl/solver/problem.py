@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +16,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
+from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.discontinuities import fill_walls
@@ -34,9 +37,10 @@ class Problem(Given):
         What the kernels read in place of the image, see :class:`persfs_cl.shading.model.Model`; at the scale of `level`
         where the image tells the depth.
     highest_known : float
-        Largest known W, less `level`; infinite where no known value is needed.
+        Largest known W, or bound of one, less `level`; infinite where no known value is needed.
     level : float
-        Smallest known W, or a typical one; subtracting it keeps single precision for the relief.
+        Smallest known W, or bound of one from above, or a typical one; subtracting it keeps single precision for the
+        relief.
     """
 
     first: Array | float
@@ -50,11 +54,17 @@ class Problem(Given):
         if given.model.light.determines_depth:
             shading, first, level = given.model.start(given.image, given.domain.solved, given.grid)
             return cls(**vars(given), first=first, shading=shading, highest_known=np.inf, level=level)
-        seen = given.known_values[given.seen]
-        level = float(seen.min())
+        held = [given.known_values[given.seen]]
+        bounds: list[Array] = []
+        if given.depth_range is not None:
+            solved = given.domain.solved
+            within = given.depth_range.cut(given.window).of_values(given.sign, given.offset)
+            bounds, upper = ([bound[solved & ~np.isnan(bound)] for bound in within[side:]] for side in (0, 1))
+            held += upper
+        level = float(np.concatenate(held).min())
         # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
         steps = np.count_nonzero(given.domain.solved) + 1
-        highest = float(seen.max()) - level
+        highest = float(np.concatenate([*held, *bounds]).max()) - level
         return cls(
             **vars(given),
             first=highest + steps * given.max_slope * max(given.grid.dx, given.grid.dy),
@@ -68,8 +78,9 @@ class Problem(Given):
         """Whether its limit is the same wherever the iteration begins, so that it may be accelerated.
 
         Under a flash the first values are bounds. Boundary cells only fall, eq. (12): their limit depends on the way.
+        Between bounds of the depth a mixture would lie beyond them.
         """
-        bounded = self.model.light.determines_depth
+        bounded = self.model.light.determines_depth or self.depth_range is not None
         return self.scheme.accelerates and not bounded and not len(self.domain.boundary.cells)
 
     @property
@@ -81,7 +92,23 @@ class Problem(Given):
         if self.scheme.outside is not None:
             # What is not there must not look like a low neighbour.
             start[~(known | self.domain.solved)] = self.scheme.outside
+        if self.limits is not None:
+            lower, upper = self.limits
+            np.fmin(start, upper, out=start)
+            np.fmax(start, lower, out=start)
         return start
+
+    @cached_property
+    def limits(self) -> Array | None:
+        """Bounds of W, less `level`, from below and from above, shape (2, height, width); None where there are none.
+
+        NaN for pixels that have none, or are not solved.
+        """
+        if self.depth_range is None:
+            return None
+        found = np.stack(self.depth_range.cut(self.window).of_values(self.sign, self.offset)) - self.level
+        found[:, ~self.domain.solved] = np.nan
+        return found
 
     @property
     def kernel_arguments(self) -> Image:
@@ -103,6 +130,7 @@ class Problem(Given):
             edges=boundary.edges,
             settles=self.scheme.settles,
             outside=self.scheme.outside,
+            limits=self.limits,
         )
 
     def corrected(self, image: Array) -> Problem:
@@ -120,9 +148,14 @@ class Problem(Given):
         if not converged and np.isfinite(self.highest_known):
             self._forget_unreached(values)
         log_depth, depth = values, np.empty_like(values)
+        within = None if self.depth_range is None else self.depth_range.cut(self.window)
 
         def convert(rows: slice) -> None:
             block, here = log_depth[rows], known[rows]
+            if self.limits is not None:
+                # As the device has rounded them.
+                lower, upper = self.limits[:, rows].astype(self.precision)
+                on_lower, on_upper = block <= lower, block >= upper
             block += self.level
             block *= self.sign
             block -= self.offset[rows]
@@ -131,6 +164,10 @@ class Problem(Given):
             if not (lowest >= _NEAREST_LOG and highest <= _FARTHEST_LOG and solved[rows].all()):
                 np.copyto(block, np.nan, where=~(solved[rows] & (block >= _NEAREST_LOG) & (block <= _FARTHEST_LOG)))
             np.exp(block, out=depth[rows])
+            if within is not None:
+                # The lower bound of W = -Z is that of Z from above.
+                at_near, at_far = (on_lower, on_upper) if self.sign > 0 else (on_upper, on_lower)
+                DepthRange(within.near[rows], within.far[rows]).keep(block, depth[rows], at_near, at_far)
             if here.any():
                 np.log(self.known_depth[rows], out=block, where=here)
                 np.copyto(depth[rows], self.known_depth[rows], where=here)
@@ -141,6 +178,9 @@ class Problem(Given):
     def _forget_unreached(self, values: Array) -> None:
         """Make those NaN that lie higher than a known value can have brought them."""
         known, present = self.domain.known, self.domain.known | self.domain.solved
+        if self.limits is not None:
+            # As good as known: they are no higher than what they begin with.
+            known = known | ~np.isnan(self.limits[1])
         # No way is shorter than that through whatever lies between, which is found much sooner.
         unreached = self._beyond(values, masks.straight_steps_from(known))
         if unreached.any() and not present.all():
@@ -170,6 +210,8 @@ class Problem(Given):
         filled[~((filled >= _NEAREST_LOG) & (filled <= _FARTHEST_LOG))] = np.nan
         log_depth[self.walls] = filled
         depth[self.walls] = np.where(np.isfinite(known), known, np.exp(filled))
+        if self.depth_range is not None:
+            self.depth_range.cut(self.window).keep(log_depth, depth)
         return discontinuities
 
     @property
@@ -190,8 +232,10 @@ def prepare(
     walls: ArrayLike | None,
     known_depth: ArrayLike | None,
     albedo: ArrayLike | None = None,
+    depth_range: Any = None,
     *,
     options: Options,
 ) -> Problem:
     """The problem of a whole image; see :func:`persfs_cl.solver.given.check`."""
-    return Problem.of(check(image, camera, mask, walls, known_depth, albedo, options=options, whole=True))
+    given = check(image, camera, mask, walls, known_depth, albedo, depth_range, options=options, whole=True)
+    return Problem.of(given)

@@ -38,6 +38,7 @@ def reconstruct(
     walls: ArrayLike | None = None,
     known_depth: ArrayLike | None = None,
     albedo: ArrayLike | None = None,
+    depth_range: tuple[ArrayLike | None, ArrayLike | None] | None = None,
     **options: Unpack[Options],
 ) -> Solution:
     """Reconstruct the surface that a shaded photograph shows, by fast sweeping (eqs. (4) to (12) and their kin).
@@ -67,10 +68,17 @@ def reconstruct(
     known_depth : array_like of float, shape (height, width), optional
         Depths that are kept exactly, from 1e-30 to 1e30 and at most a factor of 1e9 apart; NaN where unknown; inside
         the mask or next to it. When not given, with a parallel light the edge of the image or mask has z = 1 (the
-        paper's zero boundary conditions), with a warning where a mask's outline is no flat ground; with a flash
-        nothing is known, and without its fall-off some depth must be given.
+        paper's zero boundary conditions), with a warning where a mask's outline is no flat ground; with a flash, or a
+        `depth_range`, nothing is known. Without fall-off some depth or range must be given.
     albedo : array_like of float, shape (height, width), optional
         Share of light in (0, 1] that the surface returns at each pixel, by which the image is divided; 1 if not given.
+    depth_range : (near, far), optional
+        Depths between which the surface lies, each a number, or an array of float of shape (height, width); NaN, or
+        None, where there is no bound. What lies there may be coarse: from a depth sensor, stereo, or a caliper. Where
+        the photograph would lead beyond a bound the surface lies on it, see `Solution.at_bound`, and goes on from
+        there. Where both bounds are the same the depth is known, inside the mask or next to it. Under a light without
+        fall-off the surface hangs from known depths and, for ``surface="away"``, from far bounds; for "toward" from
+        near ones. It is solved where one of these can reach.
     surface : {"away", "toward"}
         Which way the surface leaves the known values: Z grows away from them, or falls, coming towards the camera.
     boundary : {"auto", "outflow", "extrapolate", "fixed", "wall"}
@@ -105,8 +113,8 @@ def reconstruct(
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
-        It is without effect with ``stopping="change"``, under a flash with fall-off, and where the boundary flows out
-        or is extrapolated.
+        It is without effect with ``stopping="change"``, under a flash with fall-off, with a `depth_range`, and where
+        the boundary flows out or is extrapolated.
     max_slope : float, optional
         Bound on |dZ/dx| and |dZ/dy| between neighbouring pixels, along which Z climbs. It matters where the equation
         itself sets none, see `Solution.clamped`, and where the surface is steeper still. 30, a surface seen at 2° from
@@ -147,7 +155,14 @@ def reconstruct(
     True
     """
     return reconstruct_batch(
-        [image], [camera], mask=[mask], walls=[walls], known_depth=[known_depth], albedo=[albedo], **options
+        [image],
+        [camera],
+        mask=[mask],
+        walls=[walls],
+        known_depth=[known_depth],
+        albedo=[albedo],
+        depth_range=[depth_range],
+        **options,
     )[0]
 
 
@@ -160,6 +175,7 @@ def reconstruct_batch(
     walls: Sequence[ArrayLike | None] | None = None,
     known_depth: Sequence[ArrayLike | None] | None = None,
     albedo: Sequence[ArrayLike | None] | None = None,
+    depth_range: Sequence[tuple[ArrayLike | None, ArrayLike | None] | None] | None = None,
     **options: Unpack[Options],
 ) -> list[Solution]:
     """Reconstruct many images; the same numbers, bit for bit, as one by one.
@@ -173,7 +189,7 @@ def reconstruct_batch(
         As for :func:`reconstruct`; sizes may differ.
     cameras : Camera or iterable of Camera
         One for all, or one an image.
-    mask, walls, known_depth, albedo : sequence, optional
+    mask, walls, known_depth, albedo, depth_range : sequence, optional
         One entry an image, None where it has none.
     callback : callable, optional
         Called as ``callback(iteration, change)`` with the largest change of the images that share launches and have
@@ -211,6 +227,7 @@ def reconstruct_batch(
         "walls": [None] * count if walls is None else _entries("walls", walls),
         "known_depth": [None] * count if known_depth is None else _entries("known_depth", known_depth),
         "albedo": [None] * count if albedo is None else _entries("albedo", albedo),
+        "depth_range": [None] * count if depth_range is None else _entries("depth_range", depth_range),
     }
     for name, entries in lists.items():
         if len(entries) != count:

@@ -8,7 +8,7 @@ by bisection, from the Hamiltonian and the direction of its gradient alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,8 @@ class Reference:
     linear : bool
         Extrapolate the boundary cells linearly, never below `lowest`.
     lowest : float
+    least : ndarray of float64, shape (height, width)
+        What no value may lie below; minus infinity where there is no such bound.
     """
 
     log_depth: Array
@@ -80,6 +82,10 @@ class Reference:
     max_slope: float = 30.0
     linear: bool = False
     lowest: float = 0.0
+    least: Array = field(default_factory=lambda: np.array([[-np.inf]]))
+
+    def __post_init__(self) -> None:
+        self.least = np.broadcast_to(self.least, self.log_depth.shape)
 
     @classmethod
     def of(cls, problem: Problem, *, linear: bool = False) -> Reference:
@@ -95,7 +101,17 @@ class Reference:
             sign=problem.sign,
             max_slope=problem.max_slope,
             linear=linear,
+            least=cls._least(problem),
         )
+
+    @staticmethod
+    def _least(problem: Problem) -> Array:
+        """Of W = Z the bound from below is that of the nearest depth, of W = -Z that of the farthest."""
+        if problem.depth_range is None:
+            return np.array([[-np.inf]])
+        bounds = problem.depth_range.cut(problem.window)
+        depth = bounds.near if problem.sign > 0 else bounds.far
+        return np.nan_to_num(problem.sign * (np.log(depth) + problem.offset) - problem.level, nan=-np.inf)
 
     def iterate(self) -> float:
         """Four sweeps, the boundary renewed after each; returns max |ΔZ|."""
@@ -230,7 +246,7 @@ class Reference:
     def _update(self, rows: Indices, columns: Indices, quadrants: Sequence[tuple[int, int]]) -> None:
         values = self.log_depth[rows, columns]
         for candidate in self.scheme.plain_values(self, rows, columns, quadrants):
-            values = np.fmin(values, candidate)
+            values = np.fmin(values, np.maximum(candidate, self.least[rows, columns]))
         self.log_depth[rows, columns] = values
 
     def _around(self, rows: Indices, columns: Indices) -> tuple[Array, Array, Array, Array, Array]:
@@ -266,4 +282,4 @@ class Reference:
         ):
             if not flags & bit:
                 found.append(values[cell + stride] + self.max_slope * step)
-        return float(min(found))
+        return float(max(min(found), self.least.flat[cell]))

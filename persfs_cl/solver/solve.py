@@ -123,6 +123,7 @@ def finish(device: Device, attempted: Attempt, options: Options) -> Finished:
         solved=whole.solved,
         unreached=whole.unreached,
         clamped=whole.clamped,
+        at_bound=whole.at_bound,
         iterations=len(run.changes[0]),
         changes=np.array(run.changes[0]),
         status=status,
@@ -163,6 +164,7 @@ class _Whole:
     solved: Mask
     unreached: Mask
     clamped: Mask
+    at_bound: Mask
     walls: Mask | None
     discontinuities: Discontinuities | None
 
@@ -180,6 +182,7 @@ class _Whole:
             solved=window.spread(solved, False),
             unreached=window.spread(unreached, False),
             clamped=window.spread(clamped, False),
+            at_bound=np.zeros(window.image_shape, bool),
             walls=None if problem.walls is None else window.spread(problem.walls, False),
             discontinuities=None if discontinuities is None else _spread(discontinuities, window),
         )
@@ -187,6 +190,8 @@ class _Whole:
             np.copyto(whole.depth, beyond.depth, where=beyond.known)
             np.log(beyond.depth, out=whole.log_depth, where=beyond.known)
             whole.solved[beyond.known] = True
+        if problem.depth_range is not None:
+            np.logical_and(whole.solved, problem.depth_range.touched(whole.depth), out=whole.at_bound)
         return whole
 
 

@@ -79,9 +79,10 @@ class Solution(SolvedSurface):
 
     Attributes
     ----------
-    depth, log_depth, solved, unreached, clamped
-        z and Z = ln z of each pixel, and which pixels have a depth, have none, or have one that the equation leaves
-        open; arrays of shape (height, width), see :class:`SolvedSurface <persfs_cl.surface.solved.SolvedSurface>`.
+    depth, log_depth, solved, unreached, clamped, at_bound
+        z and Z = ln z of each pixel, and which pixels have a depth, have none, have one that the equation leaves open,
+        or have one that is a bound of ``depth_range``; arrays of shape (height, width), see
+        :class:`SolvedSurface <persfs_cl.surface.solved.SolvedSurface>`.
     image, camera, light, reflectance, albedo, device
         What it was found from, and where.
     walls, discontinuities
@@ -325,6 +326,7 @@ def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:
             "solved": int(solution.solved.sum()),
             "unreached": int(solution.unreached.sum()),
             "clamped": int(solution.clamped.sum()),
+            "at_bound": int(solution.at_bound.sum()),
             "walls": 0 if solution.walls is None else int(solution.walls.sum()),
             "walls_solved": 0 if solution.walls is None else int((solution.walls & solution.solved).sum()),
         },

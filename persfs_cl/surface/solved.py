@@ -53,6 +53,8 @@ class SolvedSurface:
     clamped : ndarray of bool, shape (height, width)
         Solved pixels where the equation degenerates (too dark for their place in the image): their slope is bounded
         by ``max_slope`` alone.
+    at_bound : ndarray of bool, shape (height, width)
+        Solved pixels that lie on a bound of ``depth_range``: there the bound tells the depth, and not the photograph.
     image : ndarray of float64, shape (height, width)
         The brightness that was reconstructed: E, or that under the flash.
     camera, light, reflectance
@@ -75,6 +77,7 @@ class SolvedSurface:
     solved: Mask
     unreached: Mask
     clamped: Mask
+    at_bound: Mask
     image: Array
     camera: Camera
     light: Light
@@ -211,7 +214,8 @@ class SolvedSurface:
         unreliable : mapping of str to ndarray of bool, shape (height, width), optional
             Further pixels whose brightness does not tell of the slope, by the reason: shadows, highlights and the like.
             In :attr:`Confidence.unreliable <persfs_cl.surface.confidence.Confidence.unreliable>` they come after those
-            that the solver knows of: "unreached", "clamped" and, where walls were given, "on a wall".
+            that the solver knows of: "unreached", "clamped", where there are any "at a bound" and, where walls were
+            given, "on a wall".
 
         Returns
         -------
@@ -319,6 +323,8 @@ class Derived:
         }
         cosine = cosine_to_light(surface.depth, self.normals, surface.camera, surface.light)
         own = {"unreached": surface.unreached, "clamped": surface.clamped}
+        if surface.at_bound.any():
+            own["at a bound"] = surface.at_bound
         if surface.walls is not None:
             own["on a wall"] = surface.walls
         return Confidence(slope_error(cosine, surface.reflectance), {**own, **given})

@@ -37,6 +37,7 @@ __kernel void sweep(const int upwards,                 /* 1: rows from the botto
                     __global const float *changes,     /* see prelude                                         */
                     __global const uchar *flags,       /* shape (images, rows, stride)                        */
                     __global const real *brightness,   /* E, marked as in update.cl, same shape                 */
+                    __global const real *limits,       /* as many as LIMITS says, of that shape each          */
                     __global real *log_depth,          /* same shape                                          */
                     __global int *sync)                /* sweeps of an image that did not rest, shape (images,) */
 {
@@ -46,12 +47,14 @@ __kernel void sweep(const int upwards,                 /* 1: rows from the botto
     ++sync[image];
     const parameter_set numbers = parameters[image];
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
+    const bounds within = bounds_from(limits, (size_t)images * (size_t)rows * (size_t)stride, 0);
     for (int j = 0; j < width; ++j)
         for (int i = 0; i < height; ++i) {
             const int row = first_row + (upwards ? height - 1 - i : i);
             const int column = first_column + (leftwards ? width - 1 - j : j);
-            update_cell(log_depth, brightness, flags, begin + (size_t)row * (size_t)stride + (size_t)column, stride,
-                        leftwards, upwards, axis_at(column_table + image * 3 * stride, stride, column),
+            const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
+            update_cell(log_depth, brightness, within, flags, cell, stride, leftwards, upwards,
+                        axis_at(column_table + image * 3 * stride, stride, column),
                         axis_at(row_table + image * 3 * rows, rows, row), &numbers);
         }
 }

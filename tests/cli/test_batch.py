@@ -120,6 +120,7 @@ def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
         (("--frames", ":3"), ("--frames :3", "none is given")),
         (("--scheduler", "tcp://localhost:1", "--device", "all"), ("--device all",)),
         (("--scheme", "upwinds"), ("upwinds",)),
+        (("--near", "3", "--far", "2"), ("--near", "3 is beyond 2")),
     ],
 )
 def test_wrong_options_are_refused_before_any_work(
@@ -132,7 +133,7 @@ def test_wrong_options_are_refused_before_any_work(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("option", ["--mask", "--walls", "--known-depth", "--albedo", "--ambient", "--masks"])
+@pytest.mark.parametrize("option", ["--mask", "--walls", "--known-depth", "--albedo", "--far", "--ambient", "--masks"])
 def test_what_all_photos_have_in_common_must_be_there(photos: Path, tmp_path: Path, option: str) -> None:
     outcome = run("batch", photos, "-o", tmp_path / "out", *FLASH, option, tmp_path / "gone.png")
     assert outcome.status == 1

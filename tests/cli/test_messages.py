@@ -162,6 +162,18 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "too rough": (("--reflectance=oren-nayar", "--roughness=2"), 2, ("--roughness 2.0", "π/2")),
     "albedo of another size": (("--albedo=small.png",), 1, ("small.png", "(5, 6)")),
     "black paint": (("--albedo=black.png",), 1, ("photo.png", "albedo")),
+    "bound of 0": (("--near=0",), 2, ("--near", "0 is no depth")),
+    "bound nan": (("--far=nan",), 2, ("--far", "nan is no depth")),
+    "bounds crossed": (("--near=2", "--far=1"), 2, ("--near", "2 is beyond 1")),
+    "bounds crossed at a pixel": (("--near=2", "--far=one.npy"), 1, ("photo.png", "--near 2.0 beyond --far 1.0")),
+    "bound of another size": (("--far=small.npy",), 1, ("small.npy", "(5, 6)")),
+    "missing bound": (("--far=none.npy",), 1, ("none.npy", "does not exist")),
+    "known depth out of bounds": (
+        ("--near=2", "--known-depth=one.npy"),
+        1,
+        ("photo.png", "--known-depth 1.0 at pixel [0, 0] lies outside", "--near 2.0"),
+    ),
+    "nothing to hang from": (("--near=2",), 1, ("photo.png", "No depth is known", "--far")),
     "third order": (("--accuracy-order=3",), 2, ("--accuracy-order",)),
     "second order of the paper's scheme": (
         ("--scheme=lax-friedrichs", "--accuracy-order=2"),
@@ -183,6 +195,7 @@ def test_bad_option(case: str, photo: Path, tmp_path: Path, monkeypatch: pytest.
     png(Path("half.png"), np.arange(WIDTH) // (WIDTH // 2) * np.ones((HEIGHT, 1)))
     for name, value in (("zero", 0.0), ("negative", -1.0), ("one", 1.0)):
         np.save(f"{name}.npy", corner(value))
+    np.save("small.npy", np.ones((5, 6)))
     before = names(tmp_path)
     camera = () if any(option.startswith(("--focal-length", "--fov")) for option in options) else FOCAL
     outcome = run("reconstruct", photo.name, "-o", "out", *camera, *options)

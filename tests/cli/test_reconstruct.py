@@ -56,6 +56,8 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "walls": None,
         "known_depth": None,
         "albedo": None,
+        "near": None,
+        "far": None,
         "channel": "luminance",
         "encoding": "srgb",
         "bits": 16,
@@ -141,6 +143,26 @@ def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
     assert report["photo"]["albedo"] == str(tmp_path / "albedo.npy")
     depth = np.load(tmp_path / "out" / "depth.npy")
     assert ps.compare(depth, SCENE.depth).mean < 0.05 * np.ptp(SCENE.depth), "depth in its unit, with nothing known"
+
+
+@pytest.mark.usefixtures("quick")
+def test_bounds_of_the_depth_are_numbers_or_files(tmp_path: Path) -> None:
+    scene = ps.bump((HEIGHT, WIDTH), light=ps.FlashLight(), focal_length=WIDTH)
+    tifffile.imwrite(tmp_path / "photo.tif", scene.image)
+    near = float(np.median(scene.depth))
+    far = np.where(np.arange(WIDTH) < 8, 1.02 * near, np.nan) + np.zeros((HEIGHT, 1))
+    np.save(tmp_path / "far.npy", far)
+    bounds = (f"--near={near!r}", "--far", tmp_path / "far.npy")
+    outcome = run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, "--light=flash", *bounds)
+    assert outcome.status == 0
+    depth = np.load(tmp_path / "out" / "depth.npy")
+    assert depth.min() == near
+    assert (depth[:, :8].max(), far[0, 0]) == (far[0, 0], 1.02 * near)
+    report = strict(tmp_path / "out" / "report.json")
+    assert (report["photo"]["near"], report["photo"]["far"]) == (near, str(tmp_path / "far.npy"))
+    at_bound = int(((depth == near) | (depth == far)).sum())
+    assert report["pixels"]["at_bound"] == at_bound
+    assert f"{at_bound} pixels lie on a bound of the depth" in outcome.stderr
 
 
 @pytest.mark.usefixtures("quick")

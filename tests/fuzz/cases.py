@@ -211,7 +211,7 @@ def _batch(random: Generator, seed: int, setting: Setting, verdicts: Verdicts) -
     programs = setting.programs[seed % len(setting.programs)]
     given = valid(random, programs, setting.largest and 30)
     count = int(random.integers(1, 5))
-    own = ("mask", "walls", "known_depth", "albedo")
+    own = ("mask", "walls", "known_depth", "albedo", "depth_range")
     entries = [{name: given[name] for name in ("image", "camera", *own) if name in given} for _ in range(count)]
     for number, entry in enumerate(entries):
         if number and random.uniform() < 0.5:
@@ -306,7 +306,8 @@ def _targets(setting: Setting) -> dict[str, tuple[Callable[..., Any], dict[str, 
         "callback": None,
         "throw": False,
     }
-    arrays = {"mask": inside, "walls": wall, "known_depth": known, "albedo": np.full((12, 12), 0.9)}
+    arrays: dict[str, Any] = {"mask": inside, "walls": wall, "known_depth": known, "albedo": np.full((12, 12), 0.9)}
+    arrays["depth_range"] = (np.where(np.isnan(known), 0.2, np.nan), np.nan)
     solve = {"image": 0.8 * image, "camera": lens, **arrays, **common}
     lists = {name: [value] for name, value in arrays.items()}
     many = {"images": [0.8 * image], "cameras": [lens], **lists, **common}

@@ -136,6 +136,19 @@ def pattern(random: Generator, size: tuple[int, int]) -> Array:
     return np.asarray(image)
 
 
+def depth_range(
+    random: Generator, size: tuple[int, int], scale: float, known: Array | None
+) -> tuple[Array | float, Array | float]:
+    """Bounds at some pixels, or the same at all, none where a depth is known."""
+    bounds = np.sort(scale * random.uniform(0.3, 3, (2, *size)), axis=0)
+    if random.uniform() < 0.3 and known is None:
+        return float(bounds[0].min()), float(bounds[1].max())
+    bounds[random.uniform(size=bounds.shape) < random.choice([0.1, 0.5, 0.9])] = np.nan
+    if known is not None:
+        bounds[:, ~np.isnan(known)] = np.nan
+    return bounds[0], bounds[1]
+
+
 def valid(random: Generator, kind: Programs, largest: int | None) -> dict[str, Any]:
     """All keywords of :func:`persfs_cl.reconstruct`, image and camera included, for a run that should succeed."""
     size = shape(random, largest)
@@ -202,6 +215,8 @@ def valid(random: Generator, kind: Programs, largest: int | None) -> dict[str, A
     call |= {"image": image.astype(random.choice(types)), "camera": camera(random, size)}
     if random.uniform() < 0.1:
         call["image"] = np.asfortranarray(call["image"])
+    if random.uniform() < 0.3 and (given or "known_depth" in call):
+        call["depth_range"] = depth_range(random, size, scale, call.get("known_depth"))
     return call
 
 

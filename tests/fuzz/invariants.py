@@ -159,7 +159,7 @@ def strict_json(text: str) -> Any:
 
 def same_bits(what: str, one: ps.Solution, other: ps.Solution) -> None:
     """Two solutions agree to the last bit."""
-    for name in ("depth", "log_depth", "solved", "unreached", "clamped", "changes"):
+    for name in ("depth", "log_depth", "solved", "unreached", "clamped", "at_bound", "changes"):
         first, second = getattr(one, name), getattr(other, name)
         differing = -1
         if first.shape == second.shape:
@@ -172,7 +172,7 @@ def solution_holds(solution: ps.Solution, given: Mapping[str, Any]) -> None:
     """What is true of every solution of a call with these keywords."""
     solved, depth = solution.solved, solution.depth
     shape = given["image"].shape
-    for name in ("depth", "log_depth", "solved", "unreached", "clamped", "image"):
+    for name in ("depth", "log_depth", "solved", "unreached", "clamped", "at_bound", "image"):
         require(getattr(solution, name).shape == shape, f"solution: {name} of another shape")
     for name in ("depth", "log_depth"):
         values = getattr(solution, name)
@@ -183,6 +183,14 @@ def solution_holds(solution: ps.Solution, given: Mapping[str, Any]) -> None:
     require((depth[solved] > 0).all(), "solution: depth not above 0")
     require(not (solution.unreached & solved).any(), "solution: unreached and solved")
     require((solution.clamped <= solved).all(), "solution: clamped and not solved")
+    require((solution.at_bound <= solved).all(), "solution: at a bound and not solved")
+    if given.get("depth_range") is not None:
+        near, far = (np.broadcast_to(bound, shape) for bound in given["depth_range"])
+        # Written so that a NaN is never beyond.
+        beyond = solved & ((depth < near) | (depth > far))
+        require(not beyond.any(), "solution: beyond a bound", f"at {int(beyond.sum())} pixels")
+        on_bound = solved & ((depth == near) | (depth == far))
+        require((on_bound == solution.at_bound).all(), "solution: on a bound and not said to be, or not")
     require(solution.changes.shape == (solution.iterations,), "solution: changes are not one an iteration")
     require((solution.changes >= 0).all(), "solution: a change is negative or NaN", f"{solution.changes}")
     wanted = np.ones(shape, bool) if given.get("mask") is None else given["mask"]

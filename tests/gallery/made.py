@@ -42,6 +42,7 @@ def surface(
         solved=solved,
         unreached=none,
         clamped=none,
+        at_bound=none,
         image=np.where(solved, 0.5, np.nan),
         camera=camera or Camera(float(max(depth.shape))),
         light=FlashLight(),

@@ -117,6 +117,7 @@ def test_what_cannot_be_used_is_refused_as_by_reading(tmp_path: Path) -> None:
     jobs += [Job(good, CAMERA, plain, mask=path[name]) for name in ("small.png", "small.npy", "float.npy", "none.png")]
     jobs += [Job(good, CAMERA, plain, walls=path["empty.png"])]
     jobs += [Job(good, CAMERA, plain, known_depth=path[name]) for name in ("bool.npy", "cut.npy", "small.png")]
+    jobs += [Job(good, CAMERA, plain, far=path[name]) for name in ("cut.npy", "small.png")]
     jobs += [Job(good, CAMERA, plain, albedo=path[name]) for name in ("bool.npy", "small.png", "signed.tiff")]
     jobs += [Job(good, CAMERA, Brightness(ambient=path["small.png"]))]
     jobs += [Job(good, CAMERA, Brightness(vignetting=path["small.png"]))]

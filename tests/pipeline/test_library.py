@@ -48,6 +48,27 @@ def test_numbers_are_those_of_one_by_one_to_the_bit(tmp_path: Path) -> None:
             assert (result.solution.status, result.solution.iterations) == (other.status, other.iterations)
 
 
+def test_bounds_of_the_depth_are_for_all_photographs(tmp_path: Path) -> None:
+    names = photos(tmp_path / "in", 2, (24, 30))
+    images = {name: read_photo(tmp_path / "in" / name).image for name in names}
+    near = float(np.median(ps.reconstruct(images[names[0]], CAMERA, light=LIGHT).depth))
+    far = np.full((24, 30), np.nan)
+    far[:5] = 1.1 * near
+    np.save(tmp_path / "far.npy", far)
+    bounds: dict[str, Any] = {"near": near, "far": tmp_path / "far.npy"}
+    for result in ps.batch(tmp_path / "in", tmp_path / "out", camera=CAMERA, light=LIGHT, save="depth.npy", **bounds):
+        expected = ps.reconstruct(images[result.name], CAMERA, light=LIGHT, depth_range=(near, far))
+        np.testing.assert_array_equal(np.load(tmp_path / "out" / result.name / "depth.npy"), expected.depth)
+        assert expected.at_bound.any()
+    assert not list(ps.batch(tmp_path / "in", tmp_path / "out", camera=CAMERA, light=LIGHT, save="depth.npy", **bounds))
+    # Another bound is another result.
+    bounds["near"] = 1.01 * near
+    again = list(ps.batch(tmp_path / "in", tmp_path / "out", camera=CAMERA, light=LIGHT, save="depth.npy", **bounds))
+    assert len(again) == 2
+    with pytest.raises(ps.InputError, match=r"near=-1\.0 is not a depth"):
+        ps.batch(tmp_path / "in", camera=CAMERA, light=LIGHT, near=-1.0)
+
+
 SCRIPT = """
 import sys
 import persfs_cl as ps

@@ -76,7 +76,8 @@ def assert_the_same(call: Callable[[], ps.Solution], monkeypatch: pytest.MonkeyP
         patch.setattr(entry, "check", lambda *given, **keywords: check(*given, **{**keywords, "whole": True}))
         by_whole = call()
     assert sizes[0] < by_part.depth.size
-    for name in ("depth", "log_depth", "solved", "unreached", "clamped", "image", "changes", "albedo", "walls"):
+    arrays = ("depth", "log_depth", "solved", "unreached", "clamped", "at_bound", "image", "changes", "albedo", "walls")
+    for name in arrays:
         np.testing.assert_array_equal(getattr(by_part, name), getattr(by_whole, name), err_msg=name)
     assert by_part.status is by_whole.status
     assert by_part.solved.any()
@@ -132,6 +133,39 @@ def test_walls_are_filled_as_in_the_whole_image(mask: Mask, monkeypatch: pytest.
     assert_the_same(lambda: ps.reconstruct(image(), CAMERA, **keywords), monkeypatch)
     shares = np.random.default_rng(2).uniform(0.5, 1.0, SHAPE)
     assert_the_same(lambda: ps.reconstruct(image() * shares, CAMERA, albedo=shares, **keywords), monkeypatch)
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {"light": FLASH, "walls": walls()},
+        {"light": OFF_AXIS, "scheme": "lax-friedrichs", "max_iterations": 40},
+        {"light": OBLIQUE, "surface": "away"},
+        {"light": OBLIQUE, "surface": "toward", "scheme": "lax-friedrichs", "max_iterations": 25},
+    ],
+    ids=["walls", "rounds", "away", "toward"],
+)
+@pytest.mark.parametrize("mask", [MASKS["odd"], MASKS["far apart"]], ids=["odd", "far apart"])
+def test_bounds_of_the_depth_are_those_of_the_pixels(
+    mask: Mask, keywords: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    random = np.random.default_rng(6)
+    near, far = 0.97 * depths(), 1.02 * depths()
+    for bound in (near, far):
+        bound[random.uniform(size=SHAPE) < 0.4] = np.nan
+    fixed = random.uniform(size=SHAPE) < 0.02
+    if keywords["light"] is not OBLIQUE:
+        # Walls and rounds look at all that is known.
+        fixed &= mask
+    far[fixed] = near[fixed]
+
+    def call() -> ps.Solution:
+        return ps.reconstruct(image(), CAMERA, mask=mask, depth_range=(near, far), **keywords)
+
+    assert_the_same(call, monkeypatch)
+    at_bound = call().at_bound
+    assert at_bound[fixed & ~np.isnan(near) & ~walls()].all()
+    assert (at_bound & mask & ~fixed).any()
 
 
 @pytest.mark.parametrize("scheme", ["lax-friedrichs", "upwind"])

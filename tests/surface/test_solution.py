@@ -77,7 +77,8 @@ def test_report_is_plain_json_and_complete(solution: ps.Solution) -> None:
     report = json.loads(json.dumps(solution.report(), allow_nan=False))
     assert report["status"] == "CONVERGED"
     assert report["iterations"] == len(report["changes"]) == solution.iterations
-    pixels = {"all": 2000, "solved": 1960, "unreached": 0, "clamped": 0, "walls": 0, "walls_solved": 0}
+    none = dict.fromkeys(("unreached", "clamped", "at_bound", "walls", "walls_solved"), 0)
+    pixels = {"all": 2000, "solved": 1960, **none}
     assert report["pixels"] == pixels
     assert report["parameters"]["scheme"] == "upwind"
     assert report["parameters"]["boundary"] == "wall"
