@@ -354,7 +354,7 @@ def test_highlights_are_left_out_or_filled(highlights: str, tmp_path: Path) -> N
 
 def test_acceleration_is_an_option_and_an_entry_of_a_configuration(photo: Path, tmp_path: Path) -> None:
     (tmp_path / "plain.toml").write_text("acceleration = false\n", encoding="utf-8")
-    given = ["reconstruct", photo, *FOCAL, "--scheme", "lax-friedrichs", "--save", "report"]
+    given: list[str | Path] = ["reconstruct", photo, *FOCAL, "--scheme", "lax-friedrichs", "--save", "report"]
     for more, expected in (
         ([], True),
         (["--no-acceleration"], False),
