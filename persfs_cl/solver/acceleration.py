@@ -132,4 +132,4 @@ class Acceleration:
         share = 1.0 - float(weights @ found.of_residual[: len(weights)]) / found.squares if found.squares else 0.0
         left = found.largest * max(_LEAST_LEFT, math.sqrt(max(0.0, share)))
         known = shrinks or (self.is_rounding and self._slowest > 0.0)
-        self.distance = left * self._slowest / (1.0 - self._slowest) if known else math.inf
+        self.distance = left * self._slowest / (1.0 - self._slowest) if known else math.nan
