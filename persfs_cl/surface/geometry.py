@@ -193,14 +193,23 @@ def _slope(values: Array, spacing: float, cut: Mask | None) -> Array:
     # Columns are given as the rows of a transposed array: all others lie in the memory as that does.
     order: Literal["C", "F"] = "C" if values.flags.c_contiguous else "F"
     steps = np.zeros((height, width + 1), order=order)
-    exists = np.zeros(steps.shape, bool, order=order)
     inner = steps[:, 1:-1]
     np.subtract(values[:, 1:], values[:, :-1], out=inner)
+    slope: Array
+    if cut is None and np.isfinite(inner).all():
+        slope = steps[:, :-1] + steps[:, 1:]
+        slope[:, 1:-1] /= 2.0 * spacing
+        for end in {0, width - 1}:
+            slope[:, end] /= spacing
+        if width == 1:
+            np.copyto(slope, np.nan, where=np.isnan(values))
+        return slope
+    exists = np.zeros(steps.shape, bool, order=order)
     if cut is not None:
         inner[cut] = np.nan
     np.isfinite(inner, out=exists[:, 1:-1])
     np.copyto(steps, 0.0, where=~exists)
-    slope: Array = steps[:, :-1] + steps[:, 1:]
+    slope = steps[:, :-1] + steps[:, 1:]
     slope /= np.where(exists[:, :-1] & exists[:, 1:], 2.0 * spacing, spacing)
     np.copyto(slope, np.nan, where=np.isnan(values))
     return slope

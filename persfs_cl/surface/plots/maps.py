@@ -205,10 +205,12 @@ def comparison_picture(
     blocks = Blocks((given.shape[0], given.shape[1]))
 
     def numbers(rows: slice) -> Array:
-        before, after = given[rows] * scale, again[rows] * scale
-        np.clip(after, 0.0, 255.0, out=after)
-        difference = after - before
-        return np.stack([blocks.means(before), blocks.means(after), blocks.means(difference)], axis=1)
+        before, after = given[rows], again[rows].clip(0.0, white)
+        shown, seen = blocks.means(before), blocks.means(after)
+        # That of the means is the mean, but where a pixel is missing in one of the two.
+        missing = np.isnan(before.sum() + after.sum())
+        difference = blocks.means(after - before) if missing else seen - shown
+        return np.stack([shown, seen, difference], axis=1) * scale
 
     maps = blocks.collected(numbers)
     # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
