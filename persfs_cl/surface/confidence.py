@@ -54,7 +54,10 @@ class Confidence:
     @property
     def _unreliable(self) -> Mask:
         """Pixels that are unreliable for any reason."""
-        return np.asarray(np.logical_or.reduce([np.zeros(self.slope_error.shape, bool), *self.unreliable.values()]))
+        found = np.zeros(self.slope_error.shape, bool)
+        for pixels in self.unreliable.values():
+            found |= pixels
+        return found
 
     def report(self) -> dict[str, Any]:
         """Medians and counts, ready for JSON.

@@ -292,7 +292,7 @@ def confidence_picture(
             if pixels[rows].any():
                 classes[pixels[rows]] = number
         for number in range(1, len(labels) + 1):
-            counts[number] += np.count_nonzero(classes == number)
+            counts[number] += int(np.count_nonzero(classes == number))
         # The first reason in each block, so that the smallest spot can be seen.
         first = blocks.combined(np.minimum, classes).astype(np.float64)
         first[first == len(labels)] = 0.0
