@@ -97,8 +97,13 @@ class PhotoSolution:
     def compare(self, derived: Derived) -> None:
         """Find both residuals from one image, re-rendered or to be so, and what else a report has of it too."""
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
-        photo = derived.residual(np.minimum(self.unfiltered, self.solution.white))
-        self.__dict__.update(prepared_residual=derived.prepared_residual, photo_residual=photo, depths=derived.depths)
+        photo, white = self.unfiltered, self.solution.white
+        if not np.fmax.reduce(photo, axis=None) <= white:
+            photo = np.minimum(photo, white)
+        residual = derived.residual(photo)
+        self.__dict__.update(
+            prepared_residual=derived.prepared_residual, photo_residual=residual, depths=derived.depths
+        )
 
 
 def write(

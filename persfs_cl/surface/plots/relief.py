@@ -20,7 +20,7 @@ from persfs_cl.surface.plots.canvas import UNIT, new_figure, require_finite
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
-_RELIEF_SAMPLES = 150
+_RELIEF_SAMPLES = 200
 _SOLID_INCHES = 5.6
 _ELEVATION, _AZIMUTH = 48.0, -70.0
 
@@ -38,7 +38,7 @@ def relief_picture(
 ) -> None:
     """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
 
-    All three axes have the same scale. At most about 150 x 150 samples are drawn. A surface without any
+    All three axes have the same scale. At most about 200 x 200 samples are drawn. A surface without any
     square of four finite samples is drawn as dots. Where 1 pixel in 100, or fewer, would make the axes more than twice
     as long, it is left out, and the picture says so.
 
