@@ -91,9 +91,9 @@ def as_depth(name: str, given: ArrayLike) -> Array:
     z = as_floats(name, given)
     if z.ndim != 2 or z.size == 0:
         raise unlike(name, given, f"has shape {z.shape}: give a (height, width) array with at least one pixel.")
-    # Written so that NaN is none of them.
-    wrong = (z < NEAREST) | (z > FARTHEST)
-    if wrong.any():
+    # NaN is none of them. Most have none at all, which the extremes tell without an array for it.
+    if np.fmin.reduce(z, axis=None) < NEAREST or np.fmax.reduce(z, axis=None) > FARTHEST:
+        wrong = (z < NEAREST) | (z > FARTHEST)
         row, column = np.argwhere(wrong)[0]
         raise InputError(
             f"{keyword(f'{name}[{row}, {column}]', float(z[row, column]))} is not a distance in front of the camera "

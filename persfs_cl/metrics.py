@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array
+from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_floats, as_mask, check_choice
 from persfs_cl.errors import InputError
+from persfs_cl.quantiles import median
 from persfs_cl.wording import keyword
 
 Align = Literal["scale", "range"]
@@ -110,7 +112,8 @@ def compare(
     # What overflows is found at the end, once for all.
     with np.errstate(over="ignore", invalid="ignore"):
         errors = _aligned_errors(estimated, true, align)
-    if not np.isfinite([errors.mean, errors.root_mean_square, errors.maximum, errors.median]).all():
+    figures = errors.mean, errors.root_mean_square, errors.maximum, errors.median
+    if errors.count < true.size or not np.isfinite(figures).all():
         largest = max(np.abs(values).max() for values in (estimated, true))
         raise InputError(
             f"estimate and truth, which go up to {largest:g}, are too far apart for double precision: give both in a "
@@ -133,20 +136,39 @@ def _aligned_errors(estimated: Array, true: Array, align: Align | None) -> Error
     elif align == "range":
         estimated, true = _to_unit_range("estimate", estimated), _to_unit_range("truth", true)
 
-    difference = estimated - true
-    np.abs(difference, out=difference)
-    maximum = float(difference.max())
+    return errors_of(estimated - true)
+
+
+def errors_of(differences: Array) -> Errors:
+    """The errors of estimate - truth, in an array that is kept for absolute values; NaN where nothing is compared.
+
+    Raises
+    ------
+    InputError
+        When all are NaN.
+    """
+    flat = differences.reshape(-1)
+    count = flat.size - int(np.count_nonzero(np.isnan(flat)))
+    if not count:
+        raise InputError(f"none of {flat.size} pixels can be compared, for one of two is NaN: give one that both have.")
+    np.abs(flat, out=flat)
+    maximum = float(np.fmax.reduce(flat))
     # A power of two, so that nothing is rounded, and squares neither overflow nor vanish.
     unit = math.ldexp(1.0, min(math.frexp(maximum)[1], 1023)) if math.isfinite(maximum) and maximum else 1.0
-    shares = difference / unit
-    mean = float(shares.mean())
-    shares *= shares
+    sums, squares = [], []
+    for some in row_blocks((flat.size, 1)):
+        shares = flat[some] / unit
+        if count < flat.size:
+            np.copyto(shares, 0.0, where=np.isnan(shares))
+        sums.append(shares.sum())
+        shares *= shares
+        squares.append(shares.sum())
     return Errors(
-        mean=unit * mean,
-        root_mean_square=unit * float(np.sqrt(np.mean(shares))),
+        mean=unit * float(np.sum(sums) / count),
+        root_mean_square=unit * float(np.sqrt(np.sum(squares) / count)),
         maximum=maximum,
-        median=float(np.median(difference, overwrite_input=True)),
-        count=difference.size,
+        median=median(flat),
+        count=count,
     )
 
 

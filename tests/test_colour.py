@@ -15,6 +15,13 @@ def test_to_display_is_srgb_of_the_same_shape() -> None:
     assert to_display(np.full((2, 3, 3), decode_srgb(100 / 255))).tolist() == np.full((2, 3, 3), 100).tolist()
 
 
+def test_levels_change_where_those_of_the_curve_do() -> None:
+    # Half-way between two levels, and next to it on both sides.
+    changes = decode_srgb((np.arange(255) + 0.5) / 255)
+    light = np.concatenate([changes * (1.0 - 1e-12), changes * (1.0 + 1e-12), np.linspace(0.0, 1.0, 9999)])
+    np.testing.assert_array_equal(to_display(light), np.rint(255.0 * encode_srgb(light)))
+
+
 def test_srgb_has_its_published_values() -> None:
     # IEC 61966-2-1: the two pieces meet at 0.04045, and middle grey 0.5 is 0.21404 in linear light.
     np.testing.assert_allclose(decode_srgb([0.0, 0.04045, 0.5, 1.0]), [0.0, 0.04045 / 12.92, 0.2140411, 1.0], 1e-6)

@@ -7,9 +7,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_array, check_choice
-from persfs_cl.colour import encode_srgb, quantised
+from persfs_cl.colour import encode_srgb, quantised, to_display
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, as_path, atomic_path
 
@@ -112,6 +113,14 @@ def write_grey(
     data = imageio.v3.imwrite("<bytes>", levels, extension=suffix)
     with atomic_path(target) as temporary:
         temporary.write_bytes(data)
+
+
+def display_levels(image: Array, white: float = 1.0) -> NDArray[np.uint8]:
+    """Grey image of linear light as 8-bit sRGB; cut to [0, white], NaN becomes 0."""
+    levels = np.empty(image.shape, np.uint8)
+    for rows in row_blocks((image.shape[0], image.shape[1])):
+        levels[rows] = to_display(image[rows] / white)
+    return levels
 
 
 def write_png(path: FilePath, levels: NDArray[np.unsignedinteger[Any]]) -> None:

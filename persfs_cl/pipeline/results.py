@@ -59,6 +59,11 @@ class PhotoSolution:
         self.compare(Derived(self.solution))
         return self.photo_residual
 
+    @cached_property
+    def depths(self) -> Mapping[str, float | None]:
+        """Least, median and largest depth: "min", "median" and "max"."""
+        return Derived(self.solution).depths
+
     def summary(self, files: Sequence[str]) -> dict[str, Any]:
         """What a table or a page of photos says of this one, whose results are in some files."""
         solution = self.solution
@@ -74,15 +79,13 @@ class PhotoSolution:
     def _figures(self, *, compared: bool) -> dict[str, Any]:
         """Numbers for a table of many photos; the residual, which takes long, only where it is `compared` anyway."""
         solution, camera = self.solution, self.report["camera"]
-        found = solution.depth[solution.solved]
+        depths = self.depths
         figures: dict[str, Any] = {
             "focal_length": [solution.camera.fx, solution.camera.fy],
             "horizontal_view": camera["horizontal_view"],
             "camera_source": camera["source"],
-            "depth_min": float(found.min()) if found.size else None,
-            "depth_median": float(np.median(found)) if found.size else None,
-            "depth_max": float(found.max()) if found.size else None,
-            "solved": int(found.size),
+            **{f"depth_{name}": depths[name] for name in ("min", "median", "max")},
+            "solved": int(np.count_nonzero(solution.solved)),
             "unreached": int(np.count_nonzero(solution.unreached)),
             "clamped": int(np.count_nonzero(solution.clamped)),
         }
@@ -92,10 +95,15 @@ class PhotoSolution:
         return figures
 
     def compare(self, derived: Derived) -> None:
-        """Find both residuals from one image, re-rendered or to be so."""
+        """Find both residuals from one image, re-rendered or to be so, and what else a report has of it too."""
         # What a camera's white is for E: a highlight may be far brighter than anything that is matt.
-        photo = derived.residual(np.minimum(self.unfiltered, self.solution.white))
-        self.__dict__.update(prepared_residual=derived.prepared_residual, photo_residual=photo)
+        photo, white = self.unfiltered, self.solution.white
+        if not np.fmax.reduce(photo, axis=None) <= white:
+            photo = np.minimum(photo, white)
+        residual = derived.residual(photo)
+        self.__dict__.update(
+            prepared_residual=derived.prepared_residual, photo_residual=residual, depths=derived.depths
+        )
 
 
 def write(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.checks import warn
 from persfs_cl.errors import InputError
-from persfs_cl.io.export import write_grey
+from persfs_cl.io.export import display_levels, write_png
 from persfs_cl.io.files import atomic_path, json_text
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.jobs import Jobs
@@ -67,7 +67,7 @@ def drawings(
     unit, white = unit_of(surface), surface.white
     return {
         "depth.png": lambda path: pictures.depth_picture(path, surface.depth, unit=unit),
-        "normals.png": lambda path: pictures.normals_picture(path, derived.normals),
+        "normals.png": lambda path: write_png(path, derived.normal_colours),
         "relief.png": lambda path: pictures.relief_picture(
             path,
             surface.depth,
@@ -76,9 +76,8 @@ def drawings(
             unit=unit,
             white=white,
             discontinuities=surface.discontinuities,
-            normals=derived.normals,
         ),
-        "rendered.png": lambda path: write_grey(path, derived.rendered / white),
+        "rendered.png": lambda path: write_png(path, display_levels(derived.rendered, white)),
         "comparison.png": lambda path: pictures.comparison_picture(
             path,
             surface.image,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.arrays import Array, Mask
+from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import as_array
@@ -193,14 +193,23 @@ def _slope(values: Array, spacing: float, cut: Mask | None) -> Array:
     # Columns are given as the rows of a transposed array: all others lie in the memory as that does.
     order: Literal["C", "F"] = "C" if values.flags.c_contiguous else "F"
     steps = np.zeros((height, width + 1), order=order)
-    exists = np.zeros(steps.shape, bool, order=order)
     inner = steps[:, 1:-1]
     np.subtract(values[:, 1:], values[:, :-1], out=inner)
+    slope: Array
+    if cut is None and np.isfinite(inner).all():
+        slope = steps[:, :-1] + steps[:, 1:]
+        slope[:, 1:-1] /= 2.0 * spacing
+        for end in {0, width - 1}:
+            slope[:, end] /= spacing
+        if width == 1:
+            np.copyto(slope, np.nan, where=np.isnan(values))
+        return slope
+    exists = np.zeros(steps.shape, bool, order=order)
     if cut is not None:
         inner[cut] = np.nan
     np.isfinite(inner, out=exists[:, 1:-1])
     np.copyto(steps, 0.0, where=~exists)
-    slope: Array = steps[:, :-1] + steps[:, 1:]
+    slope = steps[:, :-1] + steps[:, 1:]
     slope /= np.where(exists[:, :-1] & exists[:, 1:], 2.0 * spacing, spacing)
     np.copyto(slope, np.nan, where=np.isnan(values))
     return slope
@@ -229,9 +238,23 @@ def normals(depth: ArrayLike, camera: Camera, discontinuities: Discontinuities |
         When ``depth`` is not a depth map, see `depth_array`, or the discontinuities have another shape.
     """
     z = depth_array(depth)
-    grid = _grid(z, camera)
+    return _normals(z, _grid(z, camera), discontinuities)
+
+
+def _normals(z: Array, grid: PixelGrid, discontinuities: Discontinuities | None) -> Array:
     towards_camera = np.empty((*z.shape, 3))
-    for rows, p, q in _slopes(z, grid, discontinuities):
+    for rows, *components in normal_blocks(z, grid, discontinuities):
+        for axis, component in enumerate(components):
+            towards_camera[rows, :, axis] = component
+    return towards_camera
+
+
+def normal_blocks(
+    z: Array, grid: PixelGrid, discontinuities: Discontinuities | None
+) -> Iterator[tuple[slice, Array, Array, Array]]:
+    """Some rows at a time, and the components of the normals there, see `normals`."""
+    for rows, *slopes in _slopes(z, grid, discontinuities):
+        p, q = slopes
         w = grid.x * p
         w += 1.0
         w += grid.y[rows] * q
@@ -239,9 +262,41 @@ def normals(depth: ArrayLike, camera: Camera, discontinuities: Discontinuities |
         length += q * q
         length += w * w
         np.sqrt(length, out=length)
-        for component, value in enumerate((p, q, np.negative(w, out=w))):
-            np.divide(value, length, out=towards_camera[rows, :, component])
-    return towards_camera
+        np.negative(w, out=w)
+        p /= length
+        q /= length
+        w /= length
+        yield rows, p, q, w
+
+
+def normals_of_rows(z: Array, camera: Camera, rows: Indices, discontinuities: Discontinuities | None = None) -> Array:
+    """The normals of some rows, as `normals` has them, shape (rows, width, 3), without those of all others.
+
+    Parameters
+    ----------
+    z : ndarray of float64, shape (height, width)
+        Depths, checked.
+    camera : Camera
+    rows : ndarray of int
+    discontinuities : Discontinuities, optional
+    """
+    if discontinuities is not None:
+        discontinuities.check(z.shape)
+    # Each with the row above and the row below, and cut from all else.
+    near = (rows[:, None] + (-1, 0, 1)).reshape(-1)
+    inside = (near >= 0) & (near < len(z))
+    near = near.clip(0, len(z) - 1)
+    depths = z[near]
+    depths[~inside] = np.nan
+    cuts = Discontinuities.none(depths.shape)
+    cuts.down[2::3] = True
+    if discontinuities is not None:
+        cuts.right[:] = discontinuities.right[near]
+        for above in (0, 1):
+            there = (inside[:-1] & inside[1:])[above::3]
+            cuts.down[above::3][there] = discontinuities.down[near[above:-1:3][there]]
+    whole = _grid(z, camera)
+    return _normals(depths, PixelGrid(whole.x, whole.y[near], whole.dx, whole.dy), cuts)[1::3]
 
 
 def mesh(

@@ -14,6 +14,7 @@ from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
 from persfs_cl.maps import as_albedo
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, SWEPT, missing_neighbours
+from persfs_cl.quantiles import median
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.lights import require_light
 from persfs_cl.shading.materials import require_reflectance
@@ -94,7 +95,6 @@ def render(
         values = np.where(as_mask("mask", mask, values.shape, whose="depth"), values, np.nan)
     values = depth_array(values)
     present = ~np.isnan(values)
-    whole = bool(present.all())
     if not present.any():
         raise InputError(
             "depth holds no finite value inside the mask: there is nothing to render.", argument="depth", value=depth
@@ -121,10 +121,12 @@ def render(
                 "light", light, f"lies on the surface, at {within} pixels of the depth: move it away."
             )
         return light.scaled(lit if reflecting is None else lit * reflecting, 0.0)
-    log_depth = np.log(values if whole else np.where(present, values, 1.0))
+    log_depth = np.log(values)
     # Near zero single precision resolves the differences of Z best; under a flash the level scales the brightness.
-    level = float(np.median(log_depth if whole else log_depth[present]))
+    level = median(log_depth)
     log_depth -= level
+    if not present.all():
+        log_depth[~present] = 0.0
     flags = missing_neighbours(present) | present * np.uint8(SWEPT)
     if discontinuities is not None:
         flags[:, :-1][discontinuities.right] |= NO_RIGHT

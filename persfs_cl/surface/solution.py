@@ -323,14 +323,14 @@ def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:
         "distance": None if math.isnan(solution.distance) else solution.distance,
         "pixels": {
             "all": solution.depth.size,
-            "solved": int(solution.solved.sum()),
-            "unreached": int(solution.unreached.sum()),
-            "clamped": int(solution.clamped.sum()),
-            "at_bound": int(solution.at_bound.sum()),
-            "walls": 0 if solution.walls is None else int(solution.walls.sum()),
-            "walls_solved": 0 if solution.walls is None else int((solution.walls & solution.solved).sum()),
+            "solved": int(np.count_nonzero(solution.solved)),
+            "unreached": int(np.count_nonzero(solution.unreached)),
+            "clamped": int(np.count_nonzero(solution.clamped)),
+            "at_bound": int(np.count_nonzero(solution.at_bound)),
+            "walls": 0 if solution.walls is None else int(np.count_nonzero(solution.walls)),
+            "walls_solved": 0 if solution.walls is None else int(np.count_nonzero(solution.walls & solution.solved)),
         },
-        "depth": _extremes(solution.depth[solution.solved]),
+        "depth": derived.depths,
         "grey_levels": {
             "compared_with": "the prepared image",
             "mean_error": grey.mean,
@@ -360,9 +360,3 @@ def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:
             **{name: version(name) for name in ("persfs-cl", "pyopencl", "numpy")},
         },
     }
-
-
-def _extremes(values: Array) -> dict[str, float | None]:
-    if values.size == 0:
-        return dict.fromkeys(("min", "median", "max"))
-    return {"min": float(values.min()), "median": float(np.median(values)), "max": float(values.max())}

@@ -6,6 +6,7 @@ import threading
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -19,11 +20,13 @@ from persfs_cl.camera import Camera
 from persfs_cl.checks import as_floats, as_mask
 from persfs_cl.colour import to_display
 from persfs_cl.errors import InputError
+from persfs_cl.quantiles import median
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.surface import geometry
 from persfs_cl.surface import render as forward
-from persfs_cl.surface.confidence import Confidence, cosine_to_light, slope_error
+from persfs_cl.surface.confidence import Confidence, SlopeErrors, cosine_to_light
+from persfs_cl.surface.plots.maps import colour_normals
 from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
 
 if TYPE_CHECKING:
@@ -149,7 +152,7 @@ class SolvedSurface:
             return simplified_mesh(self.depth, self.camera, most, colour, self.discontinuities)
         return geometry.mesh(self.depth, self.camera, colour, self.discontinuities)
 
-    @property
+    @cached_property
     def white(self) -> float:
         """Brightness that is drawn white and counts 255 grey levels: 1, or under a flash the image's brightest."""
         if self.light.normalised:
@@ -280,6 +283,24 @@ class Derived:
         return self.surface.normals()
 
     @_Once
+    def _facing(self) -> tuple[NDArray[np.uint8], Array]:
+        """Colours of the normals and errors of the slope, from normals that are not kept."""
+        surface = self.surface
+        shape = surface.depth.shape[0], surface.depth.shape[1]
+        grid, errors = surface.camera.grid(shape), SlopeErrors(surface.reflectance)
+        colours, slope_error = np.empty((*shape, 3), np.uint8), np.empty(shape)
+        for rows, *normals in geometry.normal_blocks(surface.depth, grid, surface.discontinuities):
+            colour_normals(normals, colours[rows])
+            to_light = surface.light.toward(surface.depth[rows], grid.x, grid.y[rows])
+            slope_error[rows] = errors(cosine_to_light(normals, to_light))
+        return colours, slope_error
+
+    @property
+    def normal_colours(self) -> NDArray[np.uint8]:
+        """See :func:`persfs_cl.surface.plots.normals_rgb`."""
+        return self._facing[0]
+
+    @_Once
     def rendered(self) -> Array:
         """See :meth:`SolvedSurface.render`."""
         return self.surface.render()
@@ -296,7 +317,8 @@ class Derived:
         given, shape = as_floats("photo", photo), self.surface.image.shape
         if given.shape != shape:
             raise InputError(f"photo has shape {given.shape}: give one of the image's shape {shape}.")
-        if (largest := float(np.fmax.reduce(np.abs(given), axis=None))) > _BRIGHTEST:
+        largest = max(float(np.fmax.reduce(given, axis=None)), -float(np.fmin.reduce(given, axis=None)))
+        if largest > _BRIGHTEST:
             raise InputError(f"photo goes up to {largest:g}: give one on the scale of the image, NaN where unknown.")
         # Most differ in the first rows, if at all.
         image = self.surface.image
@@ -305,11 +327,23 @@ class Derived:
         return self._residual(given)
 
     def _residual(self, given: Array) -> metrics.Errors:
-        white = self.surface.white
+        white, rendered = self.surface.white, self.rendered
         grey = 255.0 / white
-        seen = np.clip(self.rendered, 0.0, white)
-        seen *= grey
-        return metrics.compare(seen, grey * given)
+        differences = np.empty(given.shape)
+        for rows in row_blocks((given.shape[0], given.shape[1])):
+            seen = np.clip(rendered[rows], 0.0, white)
+            seen *= grey
+            np.subtract(seen, grey * given[rows], out=differences[rows])
+        return metrics.errors_of(differences)
+
+    @_Once
+    def depths(self) -> dict[str, float | None]:
+        """Least, median and largest depth that was solved; None where there is none."""
+        depth = self.surface.depth
+        if not self.surface.solved.any():
+            return dict.fromkeys(("min", "median", "max"))
+        least, most = (float(of.reduce(depth, axis=None)) for of in (np.fmin, np.fmax))
+        return {"min": least, "median": median(depth), "max": most}
 
     @_Once
     def confidence(self) -> Confidence:
@@ -321,15 +355,14 @@ class Derived:
         given = {
             reason: as_mask(f"unreliable[{reason!r}]", pixels, shape) for reason, pixels in (unreliable or {}).items()
         }
-        cosine = cosine_to_light(surface.depth, self.normals, surface.camera, surface.light)
         own = {"unreached": surface.unreached, "clamped": surface.clamped}
         if surface.at_bound.any():
             own["at a bound"] = surface.at_bound
         if surface.walls is not None:
             own["on a wall"] = surface.walls
-        return Confidence(slope_error(cosine, surface.reflectance), {**own, **given})
+        return Confidence(self._facing[1], {**own, **given})
 
     def release(self) -> None:
         """Forget the arrays, for the memory; what is asked for again is computed again."""
-        for name in ("normals", "rendered", "confidence"):
+        for name in ("normals", "_facing", "rendered", "confidence"):
             self.memory.pop(name, None)

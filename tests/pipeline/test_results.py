@@ -61,17 +61,19 @@ def test_everything_has_the_same_files_and_more(solved: PhotoSolution, tmp_path:
     [
         ("depth", []),
         ("depth,mesh", []),
-        ("normals,normals.npy", ["normals"]),
+        ("normals.npy", ["normal_blocks"]),
+        ("normals,report", ["normal_blocks", "render"]),
         ("rendered.png", ["render"]),
-        ("report", ["normals", "render"]),
-        ("depth,normals,pictures,report,mesh", ["normals", "render"]),
+        ("report", ["normal_blocks", "render"]),
+        # Once for all pixels, and once for those that the relief shows.
+        ("depth,normals,pictures,report,mesh", ["normal_blocks", "normal_blocks", "render"]),
     ],
 )
 def test_nothing_is_computed_twice_or_in_vain(
     items: str, expected: list[str], solved: PhotoSolution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    for module, name in ((geometry, "normals"), (forward, "render")):
+    for module, name in ((geometry, "normal_blocks"), (forward, "render")):
         original = getattr(module, name)
 
         def counted(*arguments: object, original: object = original, name: str = name, **keywords: object) -> object:

@@ -11,7 +11,7 @@ from persfs_cl import blocks
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.surface.geometry import Discontinuities, log_depth_gradient, mesh, normals, points
+from persfs_cl.surface.geometry import Discontinuities, log_depth_gradient, mesh, normals, normals_of_rows, points
 
 SQUARE = (100.0, 100.0)
 OBLONG = (70.0, 130.0)
@@ -194,6 +194,18 @@ def test_an_image_one_pixel_wide_has_points_normals_and_a_mesh_without_faces(sha
     surface = mesh(depth, camera)
     assert len(surface.vertices) == depth.size
     assert len(surface.faces) == 0
+
+
+@pytest.mark.parametrize("chosen", [[0, 3, 4, 22], [23], list(range(24))])
+@pytest.mark.parametrize("cut", [False, True])
+def test_normals_of_rows_are_those_of_the_whole(chosen: list[int], cut: bool) -> None:
+    generator = np.random.default_rng(7)
+    depth = 2.0 + 0.1 * generator.random((24, 30))
+    depth[generator.random(depth.shape) < 0.1] = np.nan
+    interrupted = Discontinuities(generator.random((24, 29)) < 0.2, generator.random((23, 30)) < 0.2) if cut else None
+    camera = Camera(focal_length=30.0)
+    rows = normals_of_rows(depth, camera, np.array(chosen), interrupted)
+    np.testing.assert_array_equal(rows, normals(depth, camera, interrupted)[chosen])
 
 
 def test_a_depth_that_is_nan_everywhere_has_no_mesh_and_no_normals() -> None:

@@ -399,13 +399,11 @@ def test_the_smallest_doubt_is_seen_in_a_large_map(tmp_path: Path, drawn: Drawn)
     assert "first: 1 px" in [text.get_text() for text in drawn[0].legends[0].get_texts()]
 
 
-def test_relief_takes_normals_and_white_that_are_at_hand(tmp_path: Path) -> None:
+def test_relief_takes_the_white_of_its_photograph(tmp_path: Path) -> None:
     depth, photo = a_holed_bump(), np.tile(np.linspace(0.0, 1.0, 37), (24, 1))
     plots.relief_picture(tmp_path / "one.png", depth, CAMERA, photo)
-    plots.relief_picture(tmp_path / "two.png", depth, CAMERA, 8.0 * photo, white=8.0, normals=normals(depth, CAMERA))
+    plots.relief_picture(tmp_path / "two.png", depth, CAMERA, 8.0 * photo, white=8.0)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
-    with pytest.raises(InputError, match=r"normals has shape \(3, 4, 3\)"):
-        plots.relief_picture(tmp_path / "three.png", depth, CAMERA, normals=np.ones((3, 4, 3)))
 
 
 def test_settings_of_the_user_play_no_part(tmp_path: Path) -> None:

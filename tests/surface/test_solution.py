@@ -24,6 +24,7 @@ from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
 from persfs_cl.surface import plots as pictures
 from persfs_cl.surface.confidence import slope_error
+from persfs_cl.surface.solved import Derived
 
 
 @pytest.fixture(scope="module")
@@ -274,14 +275,16 @@ def test_a_picture_that_cannot_be_drawn_costs_nothing_else(
     def fail(*_arguments: object, **_keywords: object) -> None:
         raise RuntimeError("no\nlatex")
 
-    drawings = ("depth", "normals", "relief", "comparison", "confidence", "convergence")
+    drawings = ("depth", "relief", "comparison", "confidence", "convergence")
     for drawing in drawings:
         # The others need not be drawn for this.
         monkeypatch.setattr(pictures, f"{drawing}_picture", fail if drawing == name else lambda *_a, **_k: None)
+    if name == "normals":
+        monkeypatch.setattr(Derived, "normal_colours", property(fail))
     with pytest.warns(UserWarning, match=rf"^{name}.png could not be drawn \(RuntimeError: no latex\)") as caught:
         written = solution.save(tmp_path / "out")
     assert [warning.filename for warning in caught] == [__file__]
-    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "rendered.png"}
+    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "rendered.png", "normals.png"} - {f"{name}.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == kept
     assert {path.name for path in written} == kept | {f"{drawing}.png" for drawing in drawings if drawing != name}
 

@@ -55,10 +55,11 @@ class Blocks:
         """Mean of each block over what is not NaN, of all rows or of some."""
         if self.down == self.right == 1:
             return values
-        there = ~np.isnan(values)
-        if there.all():
+        total = self.combined(np.add, values)
+        if not np.isnan(total).any():
             rows, columns = map(_sizes, values.shape, (self.down, self.right))
-            return np.asarray(self.combined(np.add, values) / (rows[:, None] * columns))
+            return np.asarray(total / (rows[:, None] * columns))
+        there = ~np.isnan(values)
         total = self.combined(np.add, np.where(there, values, 0.0))
         count = self.combined(np.add, there.astype(np.float64))
         return np.asarray(np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0))

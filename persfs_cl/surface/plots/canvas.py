@@ -118,5 +118,6 @@ def show(
 
 def require_finite(name: str, values: Array) -> None:
     """Refuse what holds nothing that could be drawn."""
-    if not np.isfinite(values).any():
+    # Most have one in their first rows.
+    if not any(np.isfinite(rows).any() for rows in np.array_split(values, 16)):
         raise InputError(f"{name} of shape {values.shape} holds no finite value: there is nothing to draw.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +13,9 @@ from persfs_cl.errors import InputError
 from persfs_cl.io.export import write_png
 from persfs_cl.io.files import FilePath
 from persfs_cl.metrics import Errors, compare
+from persfs_cl.quantiles import quantile, sampled
 from persfs_cl.surface import geometry as surface
-from persfs_cl.surface.plots.blocks import Blocks
+from persfs_cl.surface.plots.blocks import MAP_SAMPLES, Blocks
 from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, require_finite, show
 from persfs_cl.surface.plots.panels import Panels
 
@@ -101,15 +102,20 @@ def normals_rgb(normals: ArrayLike) -> NDArray[np.uint8]:
     require_finite("normals", vectors)
     colours = np.empty(vectors.shape, np.uint8)
     for rows in row_blocks(vectors.shape[:2]):
-        upright = vectors[rows] * (1.0, -1.0, -1.0)
-        np.copyto(upright, 0.0, where=np.isnan(upright))
-        upright.clip(-1.0, 1.0, out=upright)
-        upright += 1.0
-        upright *= 127.5
-        upright += 0.5
-        # Nothing is negative: cut off, it is rounded down.
-        colours[rows] = upright
+        colour_normals(np.moveaxis(vectors[rows], -1, 0), colours[rows])
     return colours
+
+
+def colour_normals(components: Iterable[Array], colours: NDArray[np.uint8]) -> None:
+    """Set the colours, of shape (height, width, 3), of normals, given by components of shape (height, width)."""
+    for channel, (component, upright) in enumerate(zip(components, (np.add, np.subtract, np.subtract), strict=True)):
+        levels = np.clip(component, -1.0, 1.0)
+        upright(1.0, levels, out=levels)
+        levels *= 127.5
+        levels += 0.5
+        np.copyto(levels, 128.0, where=np.isnan(levels))
+        # Nothing is negative: cut off, it is rounded down.
+        colours[..., channel] = levels
 
 
 def normals_picture(path: FilePath, normals: ArrayLike) -> None:
@@ -197,18 +203,20 @@ def comparison_picture(
     if errors is None:
         errors = compare((again * scale).clip(0.0, 255.0), given * scale)
     blocks = Blocks((given.shape[0], given.shape[1]))
-    sizes = []
 
     def numbers(rows: slice) -> Array:
-        before, after = given[rows] * scale, again[rows] * scale
-        np.clip(after, 0.0, 255.0, out=after)
-        difference = after - before
-        sizes.append(np.abs(difference[~np.isnan(difference)]).astype(np.float32))
-        return np.stack([blocks.means(before), blocks.means(after), blocks.means(difference)], axis=1)
+        before, after = given[rows], again[rows].clip(0.0, white)
+        shown, seen = blocks.means(before), blocks.means(after)
+        # That of the means is the mean, but where a pixel is missing in one of the two.
+        missing = np.isnan(before.sum() + after.sum())
+        difference = blocks.means(after - before) if missing else seen - shown
+        return np.stack([shown, seen, difference], axis=1) * scale
 
     maps = blocks.collected(numbers)
     # A few outliers, at silhouettes mostly, would otherwise bleach the picture.
-    limit = max(float(np.percentile(np.concatenate(sizes), 99, overwrite_input=True)), 1.0)
+    places = sampled(given, MAP_SAMPLES**2)
+    before, after = given.reshape(-1)[places] * scale, again.reshape(-1)[places] * scale
+    limit = max(quantile(np.abs(after.clip(0.0, 255.0) - before), 0.99), 1.0)
 
     with new_figure(path) as figure:
         panels = Panels(figure, given.shape, 3)
@@ -263,7 +271,11 @@ def confidence_picture(
     errors = np.asarray(slope_error, dtype=np.float64)
     if errors.ndim != 2:
         raise InputError(f"slope_error has shape {errors.shape}: give one number a pixel, (height, width).")
-    require_finite("slope_error", errors)
+    some = errors.reshape(-1)[sampled(errors, MAP_SAMPLES**2)]
+    some = some[np.isfinite(some)]
+    if not some.size:
+        require_finite("slope_error", errors)
+        some = errors[np.isfinite(errors)]
     labels = ["none", *unreliable]
     for reason, pixels in unreliable.items():
         if pixels.shape != errors.shape:
@@ -271,19 +283,21 @@ def confidence_picture(
                 f"unreliable[{reason!r}] has shape {pixels.shape}: give that of slope_error, {errors.shape}."
             )
     blocks = Blocks((errors.shape[0], errors.shape[1]))
-    counts = np.zeros(256, np.int64)
+    counts = [0] * (len(labels) + 1)
 
     def numbers(rows: slice) -> Array:
         classes = np.where(np.isfinite(errors[rows]), np.uint8(len(labels)), _NO_SURFACE)
         # Backwards, so that the first of several reasons is on top.
         for number, pixels in reversed(list(enumerate(unreliable.values(), start=1))):
-            classes[pixels[rows]] = number
-        counts[:] += np.bincount(classes.reshape(-1), minlength=len(counts))
+            if pixels[rows].any():
+                classes[pixels[rows]] = number
+        for number in range(1, len(labels) + 1):
+            counts[number] += int(np.count_nonzero(classes == number))
         # The first reason in each block, so that the smallest spot can be seen.
         first = blocks.combined(np.minimum, classes).astype(np.float64)
         first[first == len(labels)] = 0.0
         first[first == _NO_SURFACE] = np.nan
-        return np.stack([blocks.means(100.0 * errors[rows]), first], axis=1)
+        return np.stack([100.0 * blocks.means(errors[rows]), first], axis=1)
 
     maps = blocks.collected(numbers)
     counts[0] = counts[len(labels)]
@@ -293,7 +307,7 @@ def confidence_picture(
         for number, label in enumerate(labels)
         if counts[number]
     ]
-    low, high = 100.0 * np.percentile(errors[np.isfinite(errors)].astype(np.float32), (1, 99), overwrite_input=True)
+    low, high = 100.0 * np.percentile(some, (1, 99), overwrite_input=True)
     with new_figure(path) as figure:
         panels = Panels(figure, errors.shape, 2)
         left, right = panels.axes

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from persfs_cl.arrays import Array
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
+from persfs_cl.quantiles import sampled
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface.plots.blocks import MAP_SAMPLES
 from persfs_cl.surface.plots.canvas import UNIT, new_figure, require_finite
@@ -34,7 +35,6 @@ def relief_picture(
     unit: str = UNIT,
     white: float = 1.0,
     discontinuities: surface.Discontinuities | None = None,
-    normals: ArrayLike | None = None,
 ) -> None:
     """Draw the surface as a solid seen obliquely: near side up, lower edge of the photograph in front.
 
@@ -58,14 +58,12 @@ def relief_picture(
         The brightness of the photograph that is shown as white.
     discontinuities : Discontinuities, optional
         Where the surface is interrupted; no facet is drawn across.
-    normals : array_like, shape (height, width, 3), optional
-        Those of `persfs_cl.surface.geometry.normals`, where they are at hand.
 
     Raises
     ------
     InputError
-        When ``depth`` is not a depth map or is NaN everywhere, or when ``image``, ``normals`` or ``discontinuities``
-        has another shape.
+        When ``depth`` is not a depth map or is NaN everywhere, or when ``image`` or ``discontinuities`` has another
+        shape.
 
     Examples
     --------
@@ -80,39 +78,39 @@ def relief_picture(
     ...     path.read_bytes()[1:4]
     b'PNG'
     """
-    z = surface.depth_array(depth)
+    given = z = surface.depth_array(depth)
     require_finite("depth", z)
     shape = z.shape[0], z.shape[1]
     grid = camera.grid(shape)
     x, y = np.broadcast_to(grid.x, shape), np.broadcast_to(grid.y, shape)
-    far_off = _far_off(x, y, z)
+    far_off = _far_off(grid, z)
     outside = int(np.count_nonzero(far_off)) if far_off is not None else 0
     if far_off is not None:
         z = np.where(far_off, np.nan, z)
     grey = None if image is None else np.asarray(image, dtype=np.float64)
     if grey is not None and grey.shape != shape:
         raise InputError(f"image has shape {grey.shape}: give a grey image of the depth's shape {shape}.")
-    facing = (
-        surface.normals(depth, camera, discontinuities) if normals is None else np.asarray(normals, dtype=np.float64)
-    )
-    if facing.shape != (*shape, 3):
-        raise InputError(f"normals has shape {facing.shape}: give those of the depth, {(*shape, 3)}.")
 
     finite = np.isfinite(z)
     rows, columns = (np.flatnonzero(finite.any(axis=axis)) for axis in (1, 0))
     step = 1 + max(np.ptp(rows), np.ptp(columns)) // _RELIEF_SAMPLES
-    sampled = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
-    whole = _corners(finite[sampled]).all(axis=2)
+    chosen = np.s_[rows.min() : rows.max() + 1 : step, columns.min() : columns.max() + 1 : step]
+    whole = _corners(finite[chosen]).all(axis=2)
     if discontinuities is not None:
         discontinuities.check(shape)
-        whole &= ~_interrupted(discontinuities, sampled)
+        whole &= ~_interrupted(discontinuities, chosen)
 
     def facets_of(values: Array) -> Array:
-        return _corners(values[sampled])[whole] if whole.any() else values[finite][:, None]
+        return _corners(values[chosen])[whole] if whole.any() else values[finite][:, None]
 
     depths = facets_of(z)
     facets = np.stack([depths * facets_of(x), depths * facets_of(y), depths], axis=-1)
-    colours = [_clay(facets_of(facing).mean(axis=1))]
+    if whole.any():
+        facing = surface.normals_of_rows(given, camera, np.arange(len(given))[chosen[0]], discontinuities)
+        facing = _corners(facing[:, chosen[1]])[whole].mean(axis=1)
+    else:
+        facing = surface.normals(given, camera, discontinuities)[finite]
+    colours = [_clay(facing)]
     if grey is not None:
         worn = (np.nan_to_num(facets_of(grey)) / white).clip(0.0, 1.0)
         colours.insert(0, worn.mean(axis=1).repeat(3).reshape(-1, 3))
@@ -151,28 +149,41 @@ def _interrupted(discontinuities: surface.Discontinuities, sampled: tuple[slice,
     return np.asarray(across[:-1] | across[1:] | downwards[:, :-1] | downwards[:, 1:])
 
 
-def _far_off(x: Array, y: Array, z: Array) -> NDArray[np.bool_] | None:
+def _far_off(grid: PixelGrid, z: Array) -> Mask | None:
     """The few points z (x, y, 1) that lie so far from all others that those could hardly be seen; None for none."""
+    x, y = grid.x, grid.y
+    places = sampled(z, MAP_SAMPLES**2)
+    places = places[np.isfinite(z.reshape(-1)[places])]
+    if not places.size:
+        places = np.flatnonzero(np.isfinite(z))
+    rows, columns = np.divmod(places, len(x))
+    some = z.reshape(-1)[places]
+    low, high = np.array(
+        [np.percentile(values, (0.5, 99.5)) for values in (some * x[columns], some * y[rows, 0], some)]
+    ).T[..., None, None]
+    longest = (high - low).max()
+    # What the whole image spans at the least or the largest depth, no point lies outside of.
+    depths = np.array([np.fmin.reduce(z, axis=None), np.fmax.reduce(z, axis=None)])
+    spans = [np.ptp(np.outer(depths, (sides.min(), sides.max()))) for sides in (x, y)]
+    if max(*spans, np.ptp(depths)) <= 2 * longest:
+        return None
 
     def points(rows: slice) -> Array:
-        return np.stack([z[rows] * x[rows], z[rows] * y[rows], z[rows]])
+        return np.stack([z[rows] * x, z[rows] * y[rows], z[rows]])
 
-    lows, highs, samples = [], [], []
-    every = 1 + np.count_nonzero(np.isfinite(z)) // MAP_SAMPLES**2
-    for rows in row_blocks((z.shape[0], z.shape[1])):
-        of_rows = points(rows)
-        there = of_rows[:, np.isfinite(of_rows[2])]
-        if there.size:
-            lows.append(there.min(axis=1))
-            highs.append(there.max(axis=1))
-            samples.append(there[:, ::every])
-    low, high = np.percentile(np.concatenate(samples, axis=1), (0.5, 99.5), axis=1)[..., None, None]
-    longest = (high - low).max()
-    if not (np.max(highs, axis=0) - np.min(lows, axis=0)).max() > 2 * longest:
+    lows, highs = [], []
+    for some_rows in row_blocks((z.shape[0], z.shape[1])):
+        of_rows = points(some_rows)
+        lows.append(np.fmin.reduce(of_rows, axis=(1, 2)))
+        highs.append(np.fmax.reduce(of_rows, axis=(1, 2)))
+    if not (np.fmax.reduce(highs) - np.fmin.reduce(lows)).max() > 2 * longest:
         return None
     margin = longest / 4
-    everywhere = points(slice(None))
-    return np.asarray(((everywhere < low - margin) | (everywhere > high + margin)).any(axis=0))
+    far_off = np.empty(z.shape, bool)
+    for some_rows in row_blocks((z.shape[0], z.shape[1])):
+        of_rows = points(some_rows)
+        far_off[some_rows] = ((of_rows < low - margin) | (of_rows > high + margin)).any(axis=0)
+    return far_off
 
 
 def _clay(towards_camera: Array) -> Array:
