@@ -22,8 +22,9 @@ from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
 
 TOLERANCE = {"float32": 1e-4, "float64": 1e-12}
+STRIPS = WavefrontStrips(8, vectors=1, work_groups=2)
 ORDERINGS = [
-    WavefrontStrips(8, vectors=1, work_groups=2),
+    STRIPS,
     WavefrontImages(8, vectors=1, work_groups=1),
     pytest.param(WavefrontStrips(8, vectors=3, work_groups=2), marks=pytest.mark.thorough),
     WavefrontTiles(),
@@ -44,6 +45,7 @@ def assert_bounded(problem: Problem, values: np.ndarray) -> None:
     assert ((values > lower) & (values < upper)).any()
 
 
+@pytest.mark.quick_where(holds=lambda given: (given["precision"] == "float64") == (given["surface"] == "toward"))
 @pytest.mark.parametrize("surface", ["away", "toward"])
 @pytest.mark.parametrize(
     ("boundary", "light"), [("outflow", ParallelLight()), ("extrapolate", ParallelLight(0.3, -0.2))]
@@ -105,7 +107,12 @@ def test_the_limit_is_that_of_the_obstacle_problem(device: Device, name: str) ->
     assert_close(values[rows, columns][tells], expected[tells], "float64")
 
 
-@pytest.mark.quick_where(holds=lambda given: (given["precision"] == "float64") == (given["name"] == "upwind flash"))
+@pytest.mark.quick_where(
+    holds=lambda given: (
+        (given["name"] == "upwind flash" and given["precision"] == "float32")
+        or (given["name"], given["precision"], given["ordering"]) == ("frontal away", "float64", STRIPS)
+    )
+)
 @pytest.mark.parametrize("ordering", ORDERINGS, ids=str)
 @pytest.mark.parametrize("name", ["upwind oblique toward", "upwind flash", "frontal away"])
 def test_all_orderings_give_the_bits_of_lexicographic(
@@ -123,6 +130,7 @@ def test_all_orderings_give_the_bits_of_lexicographic(
                 np.testing.assert_array_equal(each.log_depth(), one.log_depth())
 
 
+@pytest.mark.quick_where(holds=lambda given: not given["only_lower"])
 @pytest.mark.parametrize("ordering", ["lexicographic", "wavefront", "checkerboard"])
 @pytest.mark.parametrize("only_lower", [False, True])
 def test_second_order_keeps_to_both_bounds(device: Device, ordering: str, only_lower: bool) -> None:
@@ -159,17 +167,17 @@ def test_second_order_keeps_to_both_bounds(device: Device, ordering: str, only_l
         np.testing.assert_array_equal(values, corrected("lexicographic"))
 
 
-def test_images_without_bounds_are_as_they_are_alone(device: Device, precision: str) -> None:
+def test_images_without_bounds_are_as_they_are_alone(device: Device) -> None:
     """In shared launches with one that has bounds; and bounds that are none change no bit."""
     given = UPWIND["upwind oblique toward"]
     bounded, free = (random_problem(seed, (19, 27), boundary="wall", bounded=not seed, **given) for seed in (0, 1))
     unbounded = replace(free.kernel_arguments, limits=np.full((2, 19, 27), np.nan))
     images = [free.kernel_arguments, bounded.kernel_arguments, unbounded]
-    together = Sweeper(device, images, model=free.kernels, ordering="wavefront", precision=precision)
+    together = Sweeper(device, images, model=free.kernels, ordering="wavefront", precision="float32")
     together.run(9)
     for problem, values in zip((free, bounded, free), together.log_depth(), strict=True):
         alone = Sweeper(
-            device, [problem.kernel_arguments], model=free.kernels, ordering="wavefront", precision=precision
+            device, [problem.kernel_arguments], model=free.kernels, ordering="wavefront", precision="float32"
         )
         alone.run(9)
         np.testing.assert_array_equal(values, alone.log_depth()[0])
