@@ -8,8 +8,7 @@
 static inline void run_sweep(__global real *log_depth, __global const real *brightness, const bounds within,
                              __global const uchar *flags, const parameter_set *parameters,
                              __global const real *column_table, __global const real *row_table,
-                             __global volatile int *changed, const int rows,
-                             const int stride, const int first_row,
+                             __global volatile int *changed, const int rows, const int stride, const int first_row,
                              const int first_column, const int height, const int width, const int leftwards,
                              const int upwards, const int number)
 {

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
 from persfs_cl.quantiles import median, quantile
 from persfs_cl.shading.reflectance import Reflectance
 
 BRIGHTNESS_ERROR = 0.01
-"""Relative error of the brightness that :func:`slope_error` assumes."""
+"""Relative error of the brightness that :class:`SlopeErrors` assumes."""
 
 _GRAZING = math.radians(89.9)
 _ANGLES = 20_001
@@ -29,7 +27,8 @@ class Confidence:
     Attributes
     ----------
     slope_error : ndarray of float64, shape (height, width)
-        By how much the slope is wrong where the brightness is 1 % wrong; see :func:`slope_error`. NaN where not solved.
+        By how much the slope is wrong where the brightness is 1 % wrong, see :class:`SlopeErrors`; NaN where not
+        solved.
     unreliable : mapping of str to ndarray of bool, shape (height, width)
         Pixels whose brightness does not tell of the slope, by the reason.
 
@@ -83,7 +82,7 @@ class Confidence:
         }
 
 
-def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
+class SlopeErrors:
     """By how much the slope changes when the brightness changes by 1 %, all else being equal.
 
     The slope is t = tan θ, with θ the angle between normal and light. With f = ln c(t) the change Δ solves
@@ -94,36 +93,14 @@ def slope_error(cosine: ArrayLike, reflectance: Reflectance) -> Array:
     way from a known depth; under a flash that fades with distance no further than to half the relative error of the
     brightness in places that face it.
 
-    Parameters
-    ----------
-    cosine : array_like
-        cos θ, NaN where there is no surface. What is turned away from the light counts as grazing.
-    reflectance : Reflectance
-        As seen from the light: c(θ) is :meth:`Reflectance.coaxial <persfs_cl.shading.reflectance.Reflectance.coaxial>`.
-        For a Lambertian surface this is no restriction.
-
-    Returns
-    -------
-    ndarray of float64
-        Above 0; NaN where `cosine` is.
-    """
-    cosines = np.asarray(cosine, dtype=np.float64)
-    found = np.empty(cosines.size)
-    errors = SlopeErrors(reflectance)
-    for some in row_blocks((cosines.size, 1)):
-        found[some] = errors(cosines.reshape(-1)[some])
-    return found.reshape(cosines.shape)
-
-
-class SlopeErrors:
-    """What :func:`slope_error` returns, for some pixels at a time.
-
     Numbers are taken from a table by the sine of half the angle, which follows from the cosine by a square root alone
     and is as even as the angle itself.
 
     Parameters
     ----------
     reflectance : Reflectance
+        As seen from the light: c(θ) is :meth:`Reflectance.coaxial <persfs_cl.shading.reflectance.Reflectance.coaxial>`.
+        For a Lambertian surface this is no restriction.
     """
 
     def __init__(self, reflectance: Reflectance) -> None:
@@ -144,7 +121,7 @@ class SlopeErrors:
         self._scale = (_ANGLES - 1) / sines[-1]
 
     def __call__(self, cosine: Array) -> Array:
-        """Of some cosines; NaN where they are."""
+        """Above 0, of some cos θ; NaN where they are. What is turned away from the light counts as grazing."""
         place = np.clip(cosine, 0.0, 1.0)
         np.subtract(1.0, place, out=place)
         place *= 0.5 * self._scale**2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -251,7 +250,8 @@ class _Once(Generic[_Value]):
         self._compute, self._name, self.__doc__ = compute, compute.__name__, compute.__doc__
 
     def __get__(self, derived: Derived, _: type[Derived]) -> _Value:
-        lock, values = derived.memory[self._name]
+        # At once, so that two threads never have two locks.
+        lock, values = derived.memory.setdefault(self._name, (threading.Lock(), []))
         with lock:
             if not values:
                 values.append(self._compute(derived))
@@ -275,7 +275,7 @@ class Derived:
     def __init__(self, surface: SolvedSurface, unreliable: Unreliable | None = None) -> None:
         self.surface = surface
         self._unreliable = unreliable
-        self.memory: defaultdict[str, tuple[threading.Lock, list[Any]]] = defaultdict(lambda: (threading.Lock(), []))
+        self.memory: dict[str, tuple[threading.Lock, list[Any]]] = {}
 
     @_Once
     def normals(self) -> Array:

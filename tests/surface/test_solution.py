@@ -23,7 +23,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
 from persfs_cl.surface import plots as pictures
-from persfs_cl.surface.confidence import slope_error
+from persfs_cl.surface.confidence import SlopeErrors
 from persfs_cl.surface.solved import Derived
 
 
@@ -145,7 +145,7 @@ def test_doubts_are_counted_after_those_of_the_solver(solution: ps.Solution) -> 
 @pytest.mark.parametrize("reflectance", [ps.OrenNayar(0.3), ps.OrenNayar(0.9), ps.Phong(0.7, 0.3, 20)])
 def test_slope_error_of_other_materials(reflectance: OrenNayar | Phong) -> None:
     slope = np.array([0.1, 0.3, 0.6, 0.9, 1.5, 4.0])
-    change = slope_error(1.0 / np.hypot(1.0, slope), reflectance)
+    change = SlopeErrors(reflectance)(1.0 / np.hypot(1.0, slope))
     here, beyond, before = (
         np.log(reflectance.coaxial(1.0 / np.hypot(1.0, slope + sign * change))) for sign in (0, 1, -1)
     )
