@@ -19,6 +19,8 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
+    from persfs_cl.guide.fit import GuideFit
+    from persfs_cl.guide.guide import Points
     from persfs_cl.io.maps import read_depth, read_light, read_mask
     from persfs_cl.io.photos import read_image, read_photo
     from persfs_cl.metrics import Errors, compare
@@ -57,6 +59,8 @@ else:
         "preparation.normalise": ("clip_highlights", "mean_filter", "normalise_grey", "normalise_linear"),
         "io.maps": ("read_depth", "read_light", "read_mask"),
         "io.photos": ("read_image", "read_photo"),
+        "guide.fit": ("GuideFit",),
+        "guide.guide": ("Points",),
         "shading.flash_light": ("FlashLight",),
         "shading.parallel_light": ("ParallelLight",),
         "metrics": ("Errors", "compare"),
@@ -102,6 +106,7 @@ __all__ = [
     "Elapsed",
     "Errors",
     "FlashLight",
+    "GuideFit",
     "InputError",
     "KernelBuildError",
     "Lambertian",
@@ -109,6 +114,7 @@ __all__ = [
     "ParallelLight",
     "PersfsError",
     "Phong",
+    "Points",
     "Preparation",
     "PreparedPhoto",
     "Scene",

@@ -144,5 +144,15 @@ def _tangent(angle: str) -> float:
     return math.tan(math.radians(degrees))
 
 
-_READERS: dict[Any, Callable[[str, str], Any]] = {tuple[float, float, float]: _place}
+def _number_or_unknown(option: str, text: str) -> float | None:
+    """A number, or None for the word that says that it is to be found."""
+    if text.strip().lower() == "unknown":
+        return None
+    return finite_numbers(option, text, "a number, or 'unknown'", (1,))[0]
+
+
+_READERS: dict[Any, Callable[[str, str], Any]] = {
+    tuple[float, float, float]: _place,
+    float | None: _number_or_unknown,
+}
 """What is typed as a text, by the type of the field."""

@@ -30,12 +30,13 @@ from persfs_cl.pipeline.plan import input_hash, stamps
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.pipeline.room import Room, bytes_for
 from persfs_cl.pipeline.store import Shelf
+from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.pieces import busy_pixels, pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes import SCHEMES
-from persfs_cl.solver.solve import Attempt, attempt, finish, told
+from persfs_cl.solver.solve import attempt, finish, told
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, Status
 from persfs_cl.told import Heard, hearing

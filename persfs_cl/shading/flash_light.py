@@ -52,9 +52,10 @@ class FlashLight(Light):
     falloff : bool
         Light fades with the square of the distance. False for photographs that were corrected for this: they tell of
         the slopes only, and the surface can have any size.
-    gain : float
+    gain : float or None
         κ > 0, the brightness of a surface that faces the lamp at distance 1 and returns all its light. It holds the
-        unit of depth: 100 times the gain makes every depth 10 times as large.
+        unit of depth: 100 times the gain makes every depth 10 times as large. None where it is not known: then
+        :func:`persfs_cl.reconstruct` finds it from a guide whose scale is known.
     offset : (float, float, float)
         Where the lamp is, from the optical centre, in units of depth along the camera's axes (x right, y down,
         z forward). (0, 0, 0) is a coaxial light. A lamp that is seen an angle away from the camera, from depth d, is
@@ -63,7 +64,8 @@ class FlashLight(Light):
     Raises
     ------
     InputError
-        When the gain is not a finite number above 0, the offset not three finite numbers, or the fall-off not a bool.
+        When the gain is not a finite number above 0, the offset not three finite numbers, or the fall-off not a bool;
+        or when the gain is not known of a flash without fall-off, whose photographs do not tell it.
 
     Examples
     --------
@@ -84,11 +86,11 @@ class FlashLight(Light):
             "corrected for that."
         },
     )
-    gain: float = field(
+    gain: float | None = field(
         default=1.0,
         metadata={
             "help": "Of the flash: brightness, in linear light, of a white surface that faces it at distance 1; 1 by "
-            "default. It sets the unit of depth.",
+            "default. It sets the unit of depth. 'unknown' finds it from the guide.",
             "metavar": "BRIGHTNESS",
         },
     )
@@ -106,7 +108,14 @@ class FlashLight(Light):
         hint = " where light fades with the square of the distance, or False"
         falloff = as_flag("falloff", self.falloff, hint=hint)
         hint = ", the brightness of a white surface that faces the lamp at distance 1"
-        gain = as_number("gain", self.gain, above=0.0, what="a brightness", hint=hint)
+        gain = None if self.gain is None else as_number("gain", self.gain, above=0.0, what="a brightness", hint=hint)
+        if gain is None and not falloff:
+            raise InputError.about(
+                "gain",
+                None,
+                "without fall-off: the photograph does not tell it. Give the brightness of a white surface that faces "
+                "the lamp.",
+            )
         offset = as_numbers(
             "offset",
             self.offset,
@@ -130,6 +139,18 @@ class FlashLight(Light):
     def determines_depth(self) -> bool:
         """By its fall-off."""
         return self.falloff
+
+    @property
+    def unknown(self) -> str | None:
+        """See :attr:`Light.unknown`: the gain may be."""
+        return "gain" if self.gain is None else None
+
+    @property
+    def known_gain(self) -> float:
+        """The gain; InputError where it is not known."""
+        if self.gain is None:
+            raise InputError.about("light", self, "has an unknown gain, for which there is no brightness: give it.")
+        return self.gain
 
     @property
     def off_axis(self) -> bool:
@@ -194,7 +215,7 @@ class FlashLight(Light):
             cosine_light = (p * right + q * down - (1.0 + x * p + y * q) * forward) / (norm * distance)
             cosine_between = -(x * right + y * down + forward) / (ray * distance)
             returned = reflectance.shade(cosine_light, cosine_view, cosine_between)
-        return np.asarray(self.gain * (returned / distance**2 if self.falloff else returned))
+        return np.asarray(self.known_gain * (returned / distance**2 if self.falloff else returned))
 
     def toward(self, depth: Array, x: Array, y: Array) -> Array:
         """See :meth:`Light.toward`."""
@@ -211,11 +232,15 @@ class FlashLight(Light):
         right, below, ahead = self.offset
         return replace(self, offset=(right / unit, below / unit, ahead / unit))
 
+    def for_farther(self, log_depth: float) -> FlashLight:
+        """See :meth:`Light.for_farther`: of a higher gain, while the lamp stays where it is."""
+        return replace(self, gain=self.known_gain * math.exp(2.0 * log_depth))
+
     def scaled(self, brightness: Array, log_depth: float) -> Array:
         """See :meth:`Light.scaled`."""
         log_scale = -2.0 * log_depth if self.falloff else 0.0
         most = float(np.nanmax(np.abs(brightness)))
-        power = (math.log(self.gain) + log_scale + math.log(most)) / math.log(10.0) if most > 0.0 else 0.0
+        power = (math.log(self.known_gain) + log_scale + math.log(most)) / math.log(10.0) if most > 0.0 else 0.0
         if not abs(power) < _MOST_POWER:
             raise InputError.about(
                 "light",
@@ -223,7 +248,7 @@ class FlashLight(Light):
                 f"makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, "
                 "or the depth in that of the gain.",
             )
-        return brightness * math.exp(log_scale) * self.gain
+        return brightness * math.exp(log_scale) * self.known_gain
 
 
 @dataclass(frozen=True)
@@ -243,7 +268,7 @@ class _LampModel(Model):
 
     def brightest(self, grid: PixelGrid) -> float:
         """See :meth:`Model.brightest`."""
-        return np.inf if self.light.falloff else self.light.gain * self.reflectance.brightest
+        return np.inf if self.light.falloff else self.light.known_gain * self.reflectance.brightest
 
 
 @dataclass(frozen=True)
@@ -269,7 +294,7 @@ class HeadlightModel(_LampModel):
 
         What is darker than the material at grazing gets 0, and what rounding leaves beyond the brightest value 1.
         """
-        return self.reflectance.facing(image / self.light.gain)
+        return self.reflectance.facing(image / self.light.known_gain)
 
     def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
         """Every pixel that is as dark as the material at grazing."""
@@ -299,7 +324,7 @@ class FlashModel(_LampModel):
                 f"{_LEAST_LIGHT:g} to {_MOST_LIGHT:g}, and the gain on the same scale.",
                 argument="image",
             )
-        returned = math.log(light.gain) + math.log(self.reflectance.brightest) - math.log(brightest)
+        returned = math.log(light.known_gain) + math.log(self.reflectance.brightest) - math.log(brightest)
         reach, apart = math.exp(min(0.5 * returned, 500.0)), math.hypot(*light.offset)
         if apart > _FARTHEST_LAMP * reach:
             raise InputError.about(
@@ -334,8 +359,8 @@ class FlashModel(_LampModel):
             np.maximum(image[rows], darkest, out=block)
             if not (inside := solved[rows]).all():
                 # What is not solved may hold anything.
-                block[~inside] = self.light.gain
-            block /= self.light.gain
+                block[~inside] = self.light.known_gain
+            block /= self.light.known_gain
             self._to_unit_distance(block, x, y)
             first[rows] = self._log_depth_facing(self.reflectance.brightest / block, x, y)
 

@@ -60,6 +60,11 @@ class Light(ABC):
         return False
 
     @property
+    def unknown(self) -> str | None:
+        """Which of its numbers is not known, and found from a guide of known scale; None where all are."""
+        return None
+
+    @property
     def cosine_of_ground(self) -> float:
         """Cosine between the light and flat ground that faces the camera, seen along the axis."""
         return 1.0
@@ -132,6 +137,10 @@ class Light(ABC):
     def in_unit(self, unit: float) -> Light:
         """The same light where depths are counted in another unit."""
         return self
+
+    def for_farther(self, log_depth: float) -> Light:
+        """The light under which the same photograph shows a surface farther by a factor, of which this is the log."""
+        raise TypeError(f"{self!r} does not tell how far away things are")
 
     def scaled(self, brightness: Array, log_depth: float) -> Array:
         """The brightness under the light, from that under one of gain 1 of a surface nearer by a factor.

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
+from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.errors import InputError
 from persfs_cl.maps import as_depth_range
 from persfs_cl.solver.window import Window
@@ -42,6 +44,24 @@ class DepthRange:
     def cut(self, window: Window) -> DepthRange:
         """Those of a window."""
         return DepthRange(window.cut(self.near), window.cut(self.far))
+
+    def within(self, log_near: Array, log_far: Array) -> DepthRange:
+        """The part of the range that lies between other bounds, in ln depth, and where none does its nearer end."""
+        lowest, highest = math.log(NEAREST), math.log(FARTHEST)
+        near, far = (np.exp(np.clip(bound, lowest, highest)) for bound in (log_near, log_far))
+        # NaN is no bound.
+        return DepthRange(
+            near=np.fmin(np.fmax(near, self.near), self.far), far=np.fmax(np.fmin(far, self.far), self.near)
+        )
+
+    @classmethod
+    def none(cls, shape: tuple[int, int]) -> DepthRange:
+        """Without a bound."""
+        return cls(*[np.broadcast_to(np.nan, shape)] * 2)
+
+    def but(self, pixels: Mask) -> DepthRange:
+        """The same without bounds at some pixels."""
+        return DepthRange(*(np.where(pixels, np.nan, bound) for bound in (self.near, self.far)))
 
     def with_known(self, depths: Array | None) -> Array | None:
         """Known depths, NaN elsewhere, with those of pixels where both bounds are the same; None where there are none.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -15,13 +15,17 @@ from persfs_cl.camera import Camera, PixelGrid, require_camera
 from persfs_cl.checks import as_mask
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
+from persfs_cl.guide.fit import band
+from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_albedo, as_array_of_image, as_known_depth
 from persfs_cl.shading.model import Model
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.domain import Domain, lay_out
 from persfs_cl.solver.inputs import (
+    light_for,
     require_image,
     require_relief,
+    require_scale,
     require_shading,
     warn_of_background,
     warn_of_steep_outline,
@@ -83,7 +87,11 @@ class Given:
     walls : ndarray of bool, shape (height, width), or None
         Pixels of walls that belong to the surface: inside the mask, or of known depth. None where no walls are given.
     depth_range : DepthRange or None
-        Of the image.
+        Of the image, between which it is solved.
+    given_range : DepthRange or None
+        Of the image, as the user gave it.
+    guide : Guide or None
+        Its cells are of the window.
     precision : {"float32", "float64"}
         Of the values on the device.
     known_values : ndarray of float64, shape (n,)
@@ -111,6 +119,8 @@ class Given:
     known_beyond: KnownBeyond | None
     walls: Mask | None
     depth_range: DepthRange | None
+    given_range: DepthRange | None
+    guide: Guide | None
     precision: Precision
     known_values: Array
     seen: Mask
@@ -132,6 +142,7 @@ def check(
     known_depth: ArrayLike | None,
     albedo: ArrayLike | None = None,
     depth_range: Any = None,
+    guide: Any = None,
     *,
     options: Options,
     whole: bool,
@@ -154,25 +165,32 @@ def check(
     """
     require_camera(camera)
     light, scheme = options["light"], SCHEMES[options["scheme"]]
-    model = scheme.model(light, options["reflectance"])
     photograph, usual = _copied(require_image(image))
     shape = photograph.shape
     image_grid = camera.grid(shape)
     camera.warn_if_off_image(shape)
     wanted = np.ones(shape, bool) if mask is None else as_mask("mask", as_array_of_image("mask", mask), shape)
     barriers = None if walls is None else as_mask("walls", as_array_of_image("walls", walls), shape)
-    if known_depth is None and depth_range is None and not light.flat_rim and not light.determines_depth:
-        raise InputError(
-            f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
-            "only: give at least one depth, or photograph with fall-off.",
-            argument="known_depth",
-        )
+    told = None
+    if guide is not None:
+        wanted_of_guide = wanted if barriers is None else wanted & ~barriers
+        told = Guide.of(guide, wanted_of_guide, options["guide_kind"], options["guide_scale"])
+    require_scale(light, told, options["guide_scale"], others=known_depth is not None or depth_range is not None)
     sign = 1.0 if options["surface"] == "away" else -1.0
     depths = None if known_depth is None else as_known_depth("known_depth", known_depth, shape)[0]
     within = None if depth_range is None else DepthRange.of(depth_range, shape)
     if within is not None:
         depths = within.with_known(depths)
-    # Where neither is given.
+    given_range = within
+    if told is not None and options["guide_scale"] == "fixed":
+        if light.unknown is not None:
+            light = light_for(light, told, photograph, image_grid, options["reflectance"])
+        elif not light.determines_depth:
+            # The photograph says nothing of the level: the first surface lies near the guide.
+            near_guide = (within or DepthRange.none(shape)).within(*band(told.cells, options["guide_tolerance"]))
+            within = near_guide if depths is None else near_guide.but(~np.isnan(depths))
+    model = scheme.model(light, options["reflectance"])
+    # Where none of them is given.
     assumed = depths is None and within is None
     if depths is not None:
         known = ~np.isnan(depths)
@@ -239,6 +257,8 @@ def check(
         known_beyond=beyond,
         walls=None if on_walls is None else window.cut(on_walls),
         depth_range=within,
+        given_range=given_range,
+        guide=None if told is None else replace(told, cells=told.cells.cut(window.cut)),
         precision=options["precision"],
         known_values=sign * (np.log(depths_inside) + offset[layout.known]),
         seen=seen,

@@ -8,8 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import checks
+from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
+from persfs_cl.camera import PixelGrid
+from persfs_cl.choices import GuideScale
 from persfs_cl.errors import InputError
+from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_array_of_image
 from persfs_cl.masks import Neighbours
 from persfs_cl.shading.model import Light, Model, largest
@@ -47,6 +51,49 @@ def require_image(image: ArrayLike) -> np.ndarray[tuple[int, int], np.dtype[np.f
     if given.size > _MOST_PIXELS:
         raise checks.unlike("image", image, f"has shape {given.shape}: give one of at most {_MOST_PIXELS} pixels.")
     return given
+
+
+def require_scale(light: Light, guide: Guide | None, scale: GuideScale, *, others: bool) -> None:
+    """InputError when nothing tells how far away anything is; `others` are known depths or a range."""
+    if light.unknown is not None and guide is None:
+        raise InputError.about(
+            "light",
+            light,
+            f"has an unknown {light.unknown}, which is found from a guide of fixed scale only: give "
+            f"{keyword('guide')}, or the {light.unknown}; 1 leaves the unit of depth open.",
+        )
+    if light.determines_depth or others:
+        return
+    if guide is not None and scale != "fixed":
+        raise InputError.about(
+            "guide_scale",
+            scale,
+            f"needs something that has a scale, and {keyword('light', light)} has none: give "
+            f"{keyword('known_depth')}, or a guide in units of depth with {keyword('guide_scale', 'fixed')}.",
+        )
+    if guide is None and not light.flat_rim:
+        raise InputError(
+            f"{keyword('known_depth')} is not given, but {keyword('light', light)} without fall-off tells of slopes "
+            "only: give at least one depth, or photograph with fall-off.",
+            argument="known_depth",
+        )
+
+
+def light_for(light: Light, guide: Guide, photograph: Array, grid: PixelGrid, reflectance: Reflectance) -> Light:
+    """A light whose unknown number is about right: a surface at the guide that faces the camera is as bright.
+
+    It is not told apart from one that slopes, so that the surface tells more.
+    """
+    cells, known = guide.cells, light.of_unit_gain
+    row, column = np.divmod(np.flatnonzero(cells.of_pixel >= 0), cells.of_pixel.shape[1])
+    depth = cells.values[cells.of_pixel[row, column]]
+    level = np.zeros_like(depth)
+    facing = known.brightness(depth, level, level, grid.x[column], grid.y[row, 0], reflectance)
+    seen = photograph[row, column]
+    usual = (seen > 0.0) & (seen < np.inf) & (facing > 0.0)
+    if not usual.any():
+        raise InputError.about("light", light, "lights none of the pixels of which the guide tells: check both.")
+    return known.for_farther(0.5 * float(np.median(np.log(seen[usual] / facing[usual]))))
 
 
 def require_shading(

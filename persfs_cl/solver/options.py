@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypedDict, TypeVar, cast, get_args, get_origi
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl.checks import as_flag, as_number, as_whole_number, check_choice, finite_number
-from persfs_cl.choices import Boundary, Precision, Stopping, Surface
+from persfs_cl.choices import Boundary, GuideKind, GuideScale, Precision, Stopping, Surface
 from persfs_cl.errors import InputError
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.lights import require_light
@@ -91,6 +91,11 @@ def _slope(name: str, value: Any) -> float | None:
     return None if value is None else as_number(name, value, above=0.0, most=_STEEPEST, what="a bound", hint=hint)
 
 
+def _share(name: str, value: Any) -> float | None:
+    hint = ", such as 0.02 for 2 % of the depth"
+    return None if value is None else as_number(name, value, above=0.0, most=1.0, what="a share", hint=hint)
+
+
 def _callback(name: str, value: Any) -> Callback | None:
     if value is not None and not callable(value):
         raise InputError.about(name, value, "cannot be called: give a function of iteration and change.")
@@ -116,6 +121,8 @@ def _orderings() -> Sequence[str]:
 
 _IS_SURFACE, _SURFACES = _words(Surface)
 _IS_BOUNDARY, _BOUNDARIES = _words(Boundary)
+_IS_GUIDE_KIND, _GUIDE_KINDS = _words(GuideKind)
+_IS_GUIDE_SCALE, _GUIDE_SCALES = _words(GuideScale)
 _IS_STOPPING, _STOPPINGS = _words(Stopping)
 _IS_PRECISION, _PRECISIONS = _words(Precision)
 
@@ -139,6 +146,36 @@ class Options(TypedDict, total=False):
             "flash the photo itself tells.",
             _REGION,
             choices=_SURFACES,
+        ),
+    ]
+    guide_kind: Annotated[
+        GuideKind,
+        Option(
+            "depth",
+            _IS_GUIDE_KIND,
+            "What the numbers of the guide are: depths, or inverse depths such as disparities.",
+            _REGION,
+            choices=_GUIDE_KINDS,
+        ),
+    ]
+    guide_scale: Annotated[
+        GuideScale,
+        Option(
+            "fixed",
+            _IS_GUIDE_SCALE,
+            "fixed: the guide is in the unit of depth. fit: its unit is unknown. affine: its unit and its zero are, as "
+            "of a network's.",
+            _REGION,
+            choices=_GUIDE_SCALES,
+        ),
+    ]
+    guide_tolerance: Annotated[
+        float | None,
+        Option(
+            None,
+            _share,
+            "Share of the depth by which the guide scatters; found from guide and photo by default.",
+            _REGION,
         ),
     ]
     boundary: Annotated[
@@ -260,6 +297,13 @@ def complete(given: Options) -> Options:
     if light.determines_depth and boundary == "extrapolate":
         remedy = f"use {keyword('boundary', 'wall')}."
         raise InputError.about("boundary", boundary, f"under a flash has no level to start from: {remedy}")
+    if light.unknown is not None and options["guide_scale"] != "fixed":
+        raise InputError.about(
+            "guide_scale",
+            options["guide_scale"],
+            f"with {keyword('light', light)}: only one of the two may be unknown. Give the {light.unknown}, or a guide "
+            f"in units of depth with {keyword('guide_scale', 'fixed')}.",
+        )
     if light.determines_depth and options["surface"] != "away":
         raise InputError.about(
             "surface",

@@ -14,10 +14,11 @@ from itertools import pairwise
 import numpy as np
 
 from persfs_cl._cl.device import Device
+from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.solve import Attempt, Finished, attempt, finish, solve, told
+from persfs_cl.solver.solve import Finished, attempt, finish, solve, told
 from persfs_cl.surface.solution import Solution
 
 _FULL = 3 / 4

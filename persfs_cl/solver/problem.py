@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
+from persfs_cl.shading.model import Light
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.options import Options
@@ -133,6 +134,12 @@ class Problem(Given):
             limits=self.limits,
         )
 
+    def between(self, within: DepthRange, light: Light | None = None) -> Problem:
+        """The same with other bounds of the depth, and perhaps in another light of the same kind."""
+        given = Given(**{field.name: getattr(self, field.name) for field in fields(Given)})
+        model = self.model if light is None else self.scheme.model(light, self.model.reflectance)
+        return Problem.of(replace(given, depth_range=within, model=model))
+
     def corrected(self, image: Array) -> Problem:
         """The same where the image tells the depth, with another brightness to be solved for; `image` stays."""
         shading, first, level = self.model.start(image, self.domain.solved, self.grid)
@@ -233,9 +240,10 @@ def prepare(
     known_depth: ArrayLike | None,
     albedo: ArrayLike | None = None,
     depth_range: Any = None,
+    guide: Any = None,
     *,
     options: Options,
 ) -> Problem:
     """The problem of a whole image; see :func:`persfs_cl.solver.given.check`."""
-    given = check(image, camera, mask, walls, known_depth, albedo, depth_range, options=options, whole=True)
+    given = check(image, camera, mask, walls, known_depth, albedo, depth_range, guide, options=options, whole=True)
     return Problem.of(given)

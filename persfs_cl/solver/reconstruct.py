@@ -16,6 +16,7 @@ from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
 from persfs_cl.checks import unlike
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
+from persfs_cl.guide.guide import Points
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options, complete, with_options
@@ -39,6 +40,7 @@ def reconstruct(
     known_depth: ArrayLike | None = None,
     albedo: ArrayLike | None = None,
     depth_range: tuple[ArrayLike | None, ArrayLike | None] | None = None,
+    guide: ArrayLike | Points | None = None,
     **options: Unpack[Options],
 ) -> Solution:
     """Reconstruct the surface that a shaded photograph shows, by fast sweeping (eqs. (4) to (12) and their kin).
@@ -79,6 +81,21 @@ def reconstruct(
         there. Where both bounds are the same the depth is known, inside the mask or next to it. Under a light without
         fall-off the surface hangs from known depths and, for ``surface="away"``, from far bounds; for "toward" from
         near ones. It is solved where one of these can reach.
+    guide : array_like of float or Points, optional
+        What is coarsely known of the depth: a map of any size over the same view, from a depth sensor, stereo, an
+        elevation model or a network, or points, from structure from motion or a caliper; NaN where nothing is known.
+        The surface is found from the photograph alone, and again between bounds that it and the guide set together, in
+        three rounds: the photograph tells the fine forms, the guide how far away each part is. See `Solution.guide`
+        for how far it was believed. Under a light without fall-off the guide tells the level too, and what is known
+        besides is kept.
+    guide_kind : {"depth", "inverse"}
+        What its numbers are: depths, or inverse depths such as disparities.
+    guide_scale : {"fixed", "fit", "affine"}
+        "fixed": its numbers are in the unit of depth; where the gain of a flash is None, it is found from them. "fit":
+        they have an unknown factor, and the light, or known depths, tell the unit. "affine": depths, or inverse depths,
+        are its numbers times an unknown factor, plus an unknown offset, as networks give them.
+    guide_tolerance : float, optional
+        Share of the depth by which the guide scatters. Found from guide and photograph when not given.
     surface : {"away", "toward"}
         Which way the surface leaves the known values: Z grows away from them, or falls, coming towards the camera.
     boundary : {"auto", "outflow", "extrapolate", "fixed", "wall"}
@@ -162,6 +179,7 @@ def reconstruct(
         known_depth=[known_depth],
         albedo=[albedo],
         depth_range=[depth_range],
+        guide=[guide],
         **options,
     )[0]
 
@@ -176,6 +194,7 @@ def reconstruct_batch(
     known_depth: Sequence[ArrayLike | None] | None = None,
     albedo: Sequence[ArrayLike | None] | None = None,
     depth_range: Sequence[tuple[ArrayLike | None, ArrayLike | None] | None] | None = None,
+    guide: Sequence[ArrayLike | Points | None] | None = None,
     **options: Unpack[Options],
 ) -> list[Solution]:
     """Reconstruct many images; the same numbers, bit for bit, as one by one.
@@ -189,12 +208,12 @@ def reconstruct_batch(
         As for :func:`reconstruct`; sizes may differ.
     cameras : Camera or iterable of Camera
         One for all, or one an image.
-    mask, walls, known_depth, albedo, depth_range : sequence, optional
+    mask, walls, known_depth, albedo, depth_range, guide : sequence, optional
         One entry an image, None where it has none.
     callback : callable, optional
         Called as ``callback(iteration, change)`` with the largest change of the images that share launches and have
         not converged; returning True stops these, and all that have not begun.
-    light, reflectance, surface, boundary, scheme, ordering, accuracy_order
+    light, reflectance, surface, boundary, scheme, ordering, accuracy_order, guide_kind, guide_scale, guide_tolerance
         As for :func:`reconstruct`, the same for all images.
     max_iterations, tolerance, stopping, acceleration, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
@@ -228,6 +247,7 @@ def reconstruct_batch(
         "known_depth": [None] * count if known_depth is None else _entries("known_depth", known_depth),
         "albedo": [None] * count if albedo is None else _entries("albedo", albedo),
         "depth_range": [None] * count if depth_range is None else _entries("depth_range", depth_range),
+        "guide": [None] * count if guide is None else _entries("guide", guide),
     }
     for name, entries in lists.items():
         if len(entries) != count:

@@ -12,44 +12,16 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import FARTHEST, NEAREST, warn
-from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch, stop_at_once
+from persfs_cl.solver.attempt import Attempt, swept
+from persfs_cl.solver.guided import solve_guided
+from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.rounds import solve_corrected
 from persfs_cl.solver.window import Window
 from persfs_cl.surface.geometry import Discontinuities
 from persfs_cl.surface.solution import Elapsed, Solution, Status
 from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """What the device made of a problem.
-
-    Attributes
-    ----------
-    problem : Problem
-    run : Iteration
-        Of its image alone.
-    surface : (ndarray, ndarray), or None
-        None where it is still to be made of the values of the run.
-    rounds : int or None
-        Runs, for a lamp that takes rounds.
-    seconds : float
-        Its share of those of all that shared launches.
-    """
-
-    problem: Problem
-    run: Iteration
-    surface: LogDepthAndDepth | None
-    rounds: int | None
-    seconds: float
-
-    @property
-    def status(self) -> Status:
-        """How the iteration ended."""
-        return self.run.statuses[0]
 
 
 @dataclass(frozen=True)
@@ -97,16 +69,8 @@ def solve(
 def attempt(
     device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None, numbers: Sequence[int]
 ) -> list[Attempt]:
-    """Run the sweeps; see :func:`solve`."""
-    began = time.perf_counter()
-    together = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
-    surfaces: Sequence[LogDepthAndDepth | None] = [None] * len(problems)
-    rounds: Sequence[int | None] = [None] * len(problems)
-    if problems[0].model.in_rounds:
-        surfaces = found = together.surfaces(problems)
-        rounds = solve_corrected(device, problems, found, together, options, watch, numbers)
-    share = (time.perf_counter() - began) / len(problems)
-    return [Attempt(*each, share) for each in zip(problems, together.split(), surfaces, rounds, strict=True)]
+    """Run the sweeps, and again with what guides tell; see :func:`solve`."""
+    return solve_guided(device, swept(device, problems, options, watch, numbers), options, watch, numbers)
 
 
 def finish(device: Device, attempted: Attempt, options: Options) -> Finished:
@@ -142,6 +106,7 @@ def finish(device: Device, attempted: Attempt, options: Options) -> Finished:
         albedo=problem.albedo,
         walls=whole.walls,
         discontinuities=whole.discontinuities,
+        guide=attempted.guide,
     )
     return Finished(solution, tuple(remark for remark in remarks if remark))
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
+from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.export import write_depth
 from persfs_cl.io.files import FilePath, as_path, filling
 from persfs_cl.surface import plots
@@ -81,7 +82,7 @@ class Solution(SolvedSurface):
     ----------
     depth, log_depth, solved, unreached, clamped, at_bound
         z and Z = ln z of each pixel, and which pixels have a depth, have none, have one that the equation leaves open,
-        or have one that is a bound of ``depth_range``; arrays of shape (height, width), see
+        or have one that is a bound of ``depth_range`` or guide; arrays of shape (height, width), see
         :class:`SolvedSurface <persfs_cl.surface.solved.SolvedSurface>`.
     image, camera, light, reflectance, albedo, device
         What it was found from, and where.
@@ -99,6 +100,9 @@ class Solution(SolvedSurface):
     elapsed : Elapsed
     parameters : mapping
         The remaining keywords, with "auto" resolved.
+    guide : GuideFit or None
+        What became of the guide, see :class:`GuideFit <persfs_cl.guide.fit.GuideFit>`; None without one, and where the
+        run was ended before it was used. Then `iterations` and `changes` are of all runs, `distance` of the last.
 
     Examples
     --------
@@ -117,6 +121,7 @@ class Solution(SolvedSurface):
     distance: float
     elapsed: Elapsed
     parameters: Mapping[str, Any]
+    guide: GuideFit | None = None
 
     def __repr__(self) -> str:
         height, width = self.depth.shape
@@ -330,6 +335,7 @@ def report_of(solution: Solution, derived: Derived) -> dict[str, Any]:
             "walls": 0 if solution.walls is None else int(np.count_nonzero(solution.walls)),
             "walls_solved": 0 if solution.walls is None else int(np.count_nonzero(solution.walls & solution.solved)),
         },
+        "guide": None if solution.guide is None else solution.guide.report(),
         "depth": derived.depths,
         "grey_levels": {
             "compared_with": "the prepared image",

@@ -56,7 +56,8 @@ class SolvedSurface:
         Solved pixels where the equation degenerates (too dark for their place in the image): their slope is bounded
         by ``max_slope`` alone.
     at_bound : ndarray of bool, shape (height, width)
-        Solved pixels that lie on a bound of ``depth_range``: there the bound tells the depth, and not the photograph.
+        Solved pixels that lie on a bound of ``depth_range``, or of those that surface and guide set together: there
+        the bound tells the depth, and not the photograph.
     image : ndarray of float64, shape (height, width)
         The brightness that was reconstructed: E, or that under the flash.
     camera, light, reflectance

@@ -160,7 +160,7 @@ def valid(random: Generator, kind: Programs, largest: int | None) -> dict[str, A
     surface = material(random, kind.material, monotone=kind.scheme == "upwind" or kind.light == "headlight")
     image = pattern(random, size)
     if isinstance(lamp, ps.FlashLight):
-        image *= lamp.gain * surface.brightest
+        image *= lamp.known_gain * surface.brightest
         if lamp.falloff:
             image *= (1 if random.uniform() < 0.9 else 10.0 ** random.uniform(-20, 20)) / scale**2
     elif kind.material != "lambertian":

@@ -19,7 +19,8 @@ from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import crew_settings
-from persfs_cl.solver.solve import Attempt, attempt
+from persfs_cl.solver.attempt import Attempt
+from persfs_cl.solver.solve import attempt
 
 Solve = Callable[..., Any]
 

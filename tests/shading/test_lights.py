@@ -49,7 +49,7 @@ def test_lights_do_not_change() -> None:
         ({"gain": math.nan}, "gain=nan"),
         ({"gain": 10**400}, "gain=1000"),
         ({"gain": "bright"}, "gain='bright'"),
-        ({"gain": None}, "gain=None"),
+        ({"gain": None, "falloff": False}, "gain=None without fall-off"),
         ({"offset": (0.0, 0.0)}, r"offset=\(0.0, 0.0\) .*three"),
         ({"offset": (0.0, 0.0, math.nan)}, "offset=.*nan"),
         ({"offset": (0.0, math.inf, 0.0)}, "offset=.*inf"),

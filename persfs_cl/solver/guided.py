@@ -1,0 +1,221 @@
+"""Surfaces that a guide helps to find: solved again between bounds that surface and guide set together.
+
+Section 7 of the method. A surface of the photograph alone has the right slopes nearly everywhere, and errs where it
+cannot know: behind a jump whatever is too near drags all with it. A guide knows such places, coarsely. So what is
+smoothed is not the guide but the residual, guide less surface, in ln depth, along the edges of the photograph; surface
+and residual together bound the depth, and between these bounds it is solved again.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.smoothing import Smoother
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.checks import warn
+from persfs_cl.guide.fit import Fitted, GuideFit
+from persfs_cl.guide.guide import Guide
+from persfs_cl.guide.smoothing import edge_weights
+from persfs_cl.shading.model import Light
+from persfs_cl.solver.attempt import Attempt, swept
+from persfs_cl.solver.bounds import DepthRange
+from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
+from persfs_cl.solver.options import Options
+from persfs_cl.solver.problem import Problem
+from persfs_cl.surface.solution import Status
+from persfs_cl.told import concerning
+from persfs_cl.wording import keyword
+
+_SMOOTHNESS = 6.0
+"""Weight of the total variation of the residual, over the pixels from cell to cell."""
+_MANY = 25
+"""Cells. Fewer tell nothing of what lies between them."""
+_SPACING = 12.0
+"""Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
+_CONTRADICTION = 3.0, 0.02
+"""Noises, and share of the depth, from which a common offset says that light and guide contradict each other."""
+
+
+def solve_guided(
+    device: Device, attempts: Sequence[Attempt], options: Options, watch: Watch | None, numbers: Sequence[int]
+) -> list[Attempt]:
+    """Solve again those problems that have a guide, with what it tells of the surfaces so far.
+
+    Parameters
+    ----------
+    device : Device
+    attempts : sequence of Attempt
+        By the photographs alone.
+    options, watch, numbers
+        As for :func:`persfs_cl.solver.solve.solve`.
+
+    Returns
+    -------
+    list of Attempt
+        With the changes of all runs; their problems are those that were solved last.
+
+    Raises
+    ------
+    InputError
+        When guide and surface have nothing in common.
+
+    Warns
+    -----
+    UserWarning
+        When the scale of a guide contradicts the light.
+    """
+    found = list(attempts)
+    states: dict[int, _Guided] = {}
+    for place, attempt in enumerate(found):
+        if attempt.problem.guide is not None and attempt.status is not Status.STOPPED:
+            began = time.perf_counter()
+            found[place] = attempt.with_surface()
+            with concerning(numbers[place]):
+                states[place] = _Guided.of(device, found[place], attempt.problem.guide, options)
+            found[place] = replace(found[place], seconds=attempt.seconds + time.perf_counter() - began)
+    # All are under one light.
+    for number in range(max((state.fitted.rounds for state in states.values()), default=0)):
+        if watch and watch.stopped:
+            # What was not in the round that was stopped keeps the surface that it has.
+            for place in states:
+                found[place].run.statuses[0] = Status.STOPPED
+        if not states or (watch and watch.stopped):
+            break
+        began = time.perf_counter()
+        problems = [state.bounded(number) for state in states.values()]
+        share = (time.perf_counter() - began) / len(states)
+        if watch:
+            watch.before = max(len(found[place].run.changes[0]) for place in states)
+        again = swept(device, problems, options, watch, [numbers[place] for place in states])
+        for place, latest in zip(list(states), map(Attempt.with_surface, again), strict=True):
+            ended = replace(latest.after(found[place]), guide=states[place].fit_to(latest))
+            found[place] = replace(ended, seconds=ended.seconds + share)
+            if latest.status is Status.STOPPED:
+                del states[place]
+    if watch:
+        watch.before = 0
+    return found
+
+
+@dataclass
+class _Guided:
+    """One image whose guide was fitted to its surface.
+
+    Attributes
+    ----------
+    problem : Problem
+        Under the light that the guide has told.
+    fitted : Fitted
+    gain : float or None
+        Where it was unknown.
+    log_depth : ndarray of float64, shape (height, width)
+        The surface so far.
+    middle : ndarray of float64, shape (height, width)
+        What surface and guide say together.
+    used : int
+        Cells that counted.
+    tolerance : float
+    smoother : Smoother
+    """
+
+    problem: Problem
+    fitted: Fitted
+    gain: float | None
+    log_depth: Array
+    middle: Array
+    used: int
+    tolerance: float
+    smoother: Smoother
+
+    @classmethod
+    def of(cls, device: Device, alone: Attempt, guide: Guide, options: Options) -> _Guided:
+        """From the surface of the photograph alone."""
+        problem = alone.problem
+        log_depth, _ = _surface_of(alone)
+        light, given = problem.model.light, options["light"]
+        fitted = Fitted.to_surface(
+            guide,
+            log_depth,
+            0.5 * (problem.camera.fx + problem.camera.fy),
+            scale=options["guide_scale"],
+            gain_unknown=given.unknown is not None,
+            held=light.determines_depth,
+            tolerance=options["guide_tolerance"],
+        )
+        gain = None
+        if given.unknown is not None:
+            light = light.for_farther(fitted.farther)
+            gain = float(getattr(light, given.unknown))
+            log_depth = log_depth + fitted.farther
+            problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
+        elif options["guide_scale"] == "fixed" and light.determines_depth:
+            _warn_of_contradiction(fitted, light)
+        right, below = (
+            _SMOOTHNESS / fitted.cells.spacing * each for each in edge_weights(problem.image, _joined(problem))
+        )
+        levels = max(0, math.floor(math.log2(fitted.cells.spacing / _SPACING)))
+        smoother = Smoother(device, options["precision"], right, below, levels)
+        return cls(problem, fitted, gain, log_depth, log_depth, 0, 0.0, smoother)
+
+    def bounded(self, number: int) -> Problem:
+        """The problem of a round, from 0: between the bounds that surface and guide set together."""
+        problem, cells = self.problem, self.fitted.cells
+        residuals = self.fitted.residuals(self.log_depth)
+        known = ~np.isnan(residuals)
+        self.used, self.tolerance = int(np.count_nonzero(known)), self.fitted.tolerance(number)
+        votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
+        smooth = self.smoother.smoothed(
+            cells.nearest(residuals, within=cells.spacing * cells.count / _MANY if cells.count < _MANY else None),
+            cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
+            np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
+            self.fitted.noise,
+        )
+        self.middle = self.log_depth + smooth
+        near, far = (problem.window.spread(bound, np.nan) for bound in self.fitted.around(self.middle, number))
+        given = problem.given_range or DepthRange.none(problem.window.image_shape)
+        fixed = problem.window.spread(problem.domain.known, False)
+        return problem.between(given.within(near, far).but(fixed))
+
+    def fit_to(self, latest: Attempt) -> GuideFit:
+        """What became of the guide, once the surface was solved again."""
+        self.log_depth, _ = _surface_of(latest)
+        fitted = self.fitted
+        return GuideFit(
+            cells=int(np.count_nonzero(fitted.cells.pixels)),
+            used=self.used,
+            spacing=fitted.cells.spacing,
+            noise=fitted.noise,
+            distortion=fitted.distortion,
+            drifts=fitted.drifts,
+            tolerance=self.tolerance,
+            factor=fitted.factor,
+            offset=fitted.offset,
+            gain=self.gain,
+            departure=self.problem.window.spread(self.middle - self.log_depth, np.nan),
+        )
+
+
+def _joined(problem: Problem) -> Mask:
+    """Pixels over which residuals are smoothed."""
+    return problem.domain.solved | problem.domain.known
+
+
+def _surface_of(attempt: Attempt) -> LogDepthAndDepth:
+    assert attempt.surface is not None  # noqa: S101 - for the type checker
+    return attempt.surface
+
+
+def _warn_of_contradiction(fitted: Fitted, light: Light) -> None:
+    noises, share = _CONTRADICTION
+    if abs(fitted.disagreement) > max(noises * fitted.noise, share):
+        warn(
+            f"{keyword('guide')} has most depths {math.exp(fitted.disagreement):.3g} times as large as "
+            f"{keyword('light', light)} gives them, and is believed. If it is of another scale, give "
+            f"{keyword('guide_scale', 'fit')}; if the gain is not known, a light with gain=None."
+        )
