@@ -17,9 +17,12 @@ from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
     FarOption,
+    GuideOption,
+    GuideUnitOption,
     NearOption,
     chosen_bounds,
     chosen_camera,
+    chosen_guide,
     chosen_keywords,
     chosen_light,
     chosen_reflectance,
@@ -146,6 +149,16 @@ def batch(
     ] = None,
     near: NearOption = None,
     far: FarOption = None,
+    guide: GuideOption = None,
+    guides: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder with a guide for each photo: that of a/b.jpg is a/b.jpg.npy, or has another suffix.",
+            rich_help_panel=_REGION,
+        ),
+    ] = None,
+    guide_unit: GuideUnitOption = 1.0,
     save: SaveOption = DEFAULT_ITEMS,
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     shard: Annotated[
@@ -203,20 +216,29 @@ def batch(
         frame_slice(frames)
     except InputError as error:
         raise WrongOption(error) from error
+    if guide is not None and guides is not None:
+        raise typer.BadParameter(
+            "give one guide for all, or a folder of them, not both.", param_hint="'--guide' / '--guides'"
+        )
+    nearest, farthest = chosen_bounds(near, far)
     plan = Plan(
-        camera,
-        None if cameras is None else read_cameras(cameras),
-        masks,
-        mask,
-        walls,
-        known_depth,
-        albedo,
-        *chosen_bounds(near, far),
-        brightness,
-        light,
-        reflectance,
-        keywords,
-        saving,
+        camera=camera,
+        cameras=None if cameras is None else read_cameras(cameras),
+        masks=masks,
+        mask=mask,
+        walls=walls,
+        known_depth=known_depth,
+        albedo=albedo,
+        near=nearest,
+        far=farthest,
+        guides=guides,
+        guide=chosen_guide(guide, guide_unit),
+        guide_unit=guide_unit,
+        brightness=brightness,
+        light=light,
+        reflectance=reflectance,
+        keywords=keywords,
+        saving=saving,
     )
     plan.require_files()
     store = store_for(output)

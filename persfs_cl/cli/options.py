@@ -9,14 +9,15 @@ from typing import Annotated, Any, Optional, cast, get_args
 
 import typer
 
-from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.cli.choosers import with_signature
 from persfs_cl.cli.kinds import kind_chooser
 from persfs_cl.cli.numbers import finite_numbers
 from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lights import LIGHTS
 from persfs_cl.shading.materials import MATERIALS
@@ -75,19 +76,46 @@ def chosen_bounds(near: str | None, far: str | None) -> tuple[float | Path | Non
     typer.BadParameter
         When a number is no depth, or they leave none between them.
     """
-    bounds = tuple(None if text is None else _bound(text) for text in (near, far))
-    for option, bound in zip(("--near", "--far"), bounds, strict=True):
-        if isinstance(bound, float) and not NEAREST <= bound <= FARTHEST:
-            raise typer.BadParameter(
-                f"{bound:g} is no depth: give a number from {NEAREST:g} to {FARTHEST:g}, or a file.",
-                param_hint=f"'{option}'",
-            )
-    nearest, farthest = bounds
-    if isinstance(nearest, float) and isinstance(farthest, float) and nearest > farthest:
-        raise typer.BadParameter(
-            f"{nearest:g} is beyond {farthest:g}: give the smaller depth to --near.", param_hint="'--near' / '--far'"
-        )
+    try:
+        nearest, farthest = checked_bounds(*(None if text is None else _bound(text) for text in (near, far)))
+    except InputError as error:
+        raise WrongOption(error) from error
     return nearest, farthest
+
+
+GuideOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--guide",
+        metavar="FILE",
+        help="What is coarsely known of the depth: a map of any size, .npy, .tiff, .png or .exr, or points, .csv, "
+        ".json, .ply or COLMAP's points3D.txt.",
+        rich_help_panel=_REGION,
+    ),
+]
+GuideUnitOption = Annotated[
+    float,
+    typer.Option(
+        "--guide-unit",
+        metavar="UNIT",
+        help="What its numbers are multiplied by: 0.001 for millimetres where depths are in metres.",
+        rich_help_panel=_REGION,
+    ),
+]
+
+
+def chosen_guide(file: Path | None, unit: float) -> GuideFile | None:
+    """What the two options tell.
+
+    Raises
+    ------
+    typer.BadParameter
+        When the unit is none.
+    """
+    try:
+        return None if file is None else GuideFile(file, unit)
+    except InputError as error:
+        raise WrongOption(error) from error
 
 
 def require_fitting(keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness) -> None:

@@ -15,9 +15,12 @@ from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
     AlbedoOption,
     FarOption,
+    GuideOption,
+    GuideUnitOption,
     NearOption,
     chosen_bounds,
     chosen_camera,
+    chosen_guide,
     chosen_keywords,
     chosen_light,
     chosen_reflectance,
@@ -89,6 +92,8 @@ def reconstruct(
     ] = None,
     near: NearOption = None,
     far: FarOption = None,
+    guide: GuideOption = None,
+    guide_unit: GuideUnitOption = 1.0,
     save: SaveOption = "depth,mesh,pictures,page,report",
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     keywords: Options,
@@ -97,8 +102,8 @@ def reconstruct(
 
     The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes what --save names: by
     default depth.npy, depth.tiff, mesh.ply, report.json, the pictures depth.png, normals.png, relief.png, rendered.png,
-    comparison.png, confidence.png and convergence.png, and index.html, a page on which the relief can be turned, with
-    preview.jpg, photo.jpg and relief.js.
+    comparison.png, confidence.png, convergence.png and with a guide guide.png, and index.html, a page on which the
+    relief can be turned, with preview.jpg, photo.jpg and relief.js.
     """
     saving = chosen_saving(save, mesh_faces)
     require_fitting(keywords, light, reflectance, brightness)
@@ -113,6 +118,7 @@ def reconstruct(
         albedo=albedo,
         near=nearest,
         far=farthest,
+        guide=chosen_guide(guide, guide_unit),
         light=light,
         reflectance=reflectance,
         keywords=keywords,
@@ -192,8 +198,14 @@ def _summary(result: PhotoSolution) -> str:
             f"\n{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: "
             "mask them out if they are shadow or paint."
         )
+    if (fit := solution.guide) is not None:
+        gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
+        text += (
+            f"\nOf the guide: {fit.used} of {fit.cells} values used, {gain}noise {100 * fit.noise:.2g} % of the depth; "
+            f"the surface may be {100 * fit.tolerance:.2g} % nearer than it."
+        )
     if at_bound := int(solution.at_bound.sum()):
-        text += f"\n{at_bound} pixels lie on a bound of the depth, --near or --far, and not where the photo has them."
+        text += f"\n{at_bound} pixels lie on a bound of the depth, and not where the photo has them."
     if unreached := int(solution.unreached.sum()):
         text += f"\n{unreached} pixels have no depth: no known depth can reach them."
     if solution.walls is not None and not solution.walls.any():

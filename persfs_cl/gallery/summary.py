@@ -46,7 +46,7 @@ _COLUMNS: Mapping[str, Callable[[_Record], Any]] = {
     **{
         name: _entry("figures", name)
         for name in (
-            *("solved", "unreached", "clamped", "depth_min", "depth_median", "depth_max"),
+            *("solved", "unreached", "clamped", "at_bound", "depth_min", "depth_median", "depth_max"),
             *("mean_error", "root_mean_square", "horizontal_view"),
         )
     },

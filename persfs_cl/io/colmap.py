@@ -1,4 +1,4 @@
-"""Cameras and images as COLMAP writes them in text: `cameras.txt` and `images.txt`."""
+"""What COLMAP writes as text: `cameras.txt`, `images.txt` and `points3D.txt`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import read_lines
 
@@ -93,6 +96,85 @@ def read_colmap_images(path: Path) -> Iterator[tuple[int, str, int]]:
             raise _odd(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME") from error
         points = True
         yield number, name, camera
+
+
+def read_colmap_points(path: Path, photo: Path) -> Array:
+    """The points of a `points3D.txt` that an image sees, by the `images.txt` beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the points.
+    photo : Path
+        The image, whose name in `images.txt` is the end of its path.
+
+    Returns
+    -------
+    ndarray of float64, shape (points, 3)
+        Column and row where the image sees each, pixels centred on integers, and its depth along the optical axis.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be read, there is no such image, or it sees no point.
+    """
+    images = path.with_name("images.txt")
+    pose, seen = _pose_and_observations(images, photo)
+    places = {}
+    for number, line in read_lines(path):
+        if not line or line.startswith("#"):
+            continue
+        fields = line.split(maxsplit=4)
+        try:
+            identity = int(fields[0])
+            if identity in seen:
+                places[identity] = [float(field) for field in fields[1:4]]
+        except (ValueError, IndexError) as error:
+            raise _odd(path, number, line, "POINT3D_ID X Y Z R G B ERROR TRACK") from error
+    both = [identity for identity in seen if identity in places]
+    if not both:
+        raise InputError(
+            f"{path} has none of the {len(seen)} points that {photo.name} sees by {images}: see that both are of one "
+            "model."
+        )
+    w, x, y, z, *shift = pose
+    forward = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+    depths = np.array([places[identity] for identity in both]) @ forward + shift[2]
+    found = np.column_stack([np.array([seen[identity] for identity in both]) - 0.5, depths])
+    return found[found[:, 2] > 0.0]
+
+
+def _pose_and_observations(path: Path, photo: Path) -> tuple[list[float], dict[int, tuple[float, float]]]:
+    """Rotation, as a unit quaternion, and shift of an image, and where it sees which points."""
+    pose: list[float] | None = None
+    points = False
+    for number, line in read_lines(path):
+        if points:
+            if pose is not None:
+                return pose, _observations(path, number, line)
+            points = False
+            continue
+        if not line or line.startswith("#"):
+            continue
+        fields = line.split(maxsplit=9)
+        try:
+            name = fields[9]
+            if photo.as_posix().endswith(f"/{name}") or photo.as_posix() == name:
+                quaternion = np.array([float(field) for field in fields[1:5]])
+                pose = [*(quaternion / np.linalg.norm(quaternion)), *(float(field) for field in fields[5:8])]
+        except (ValueError, IndexError) as error:
+            raise _odd(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME") from error
+        points = True
+    raise InputError(f"{path} has no image {photo.name}, or none of its points: name it as COLMAP does.")
+
+
+def _observations(path: Path, number: int, line: str) -> dict[int, tuple[float, float]]:
+    fields = line.split()
+    try:
+        triples = zip(fields[0::3], fields[1::3], fields[2::3], strict=True)
+        return {int(point): (float(column), float(row)) for column, row, point in triples if int(point) >= 0}
+    except ValueError as error:
+        raise _odd(path, number, line, "X Y POINT3D_ID for each point") from error
 
 
 def _odd(path: Path, number: int, line: str, expected: str) -> InputError:

@@ -12,6 +12,7 @@ from persfs_cl.arrays import Array
 from persfs_cl.checks import to_float64, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io.decode import ON_A_SIDE, TURNED, read_header, read_raster, require_brightness, require_type
+from persfs_cl.io.exr import read_exr
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.io.npy import read_npy, read_npy_header
 from persfs_cl.io.photos import Channel, Encoding, read_photo
@@ -212,6 +213,43 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
             f"{depth[bad][0]:g}: they are no depth. Mark unknown pixels with NaN."
         )
     return depth
+
+
+def read_numbers(path: FilePath) -> Array:
+    """A coarse map of depths, or of numbers that go with them, of any size.
+
+    Parameters
+    ----------
+    path : path
+        `.npy`, `.tif`, `.tiff`, `.png` (16 bits, say), or `.exr`, of which the package OpenEXR reads the channel Z.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+        NaN where nothing is known: where the file has NaN or, in a file of integers, 0.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, is no single map of numbers, or has another suffix.
+    """
+    path = as_path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        stored: NDArray[Any] = read_npy(path)
+    elif suffix == ".exr":
+        stored = read_exr(path)
+    elif suffix in (".png", *_TIFF_SUFFIXES):
+        samples = read_raster(path).samples
+        stored = samples[..., 0] if samples.shape[2] == 1 else samples
+    else:
+        raise InputError(f"{path} is no map of numbers by its name: give a .npy, .tiff, .png or .exr file.")
+    _require_stored("depth", path, stored.dtype)
+    if stored.ndim != 2 or stored.size == 0:
+        raise InputError(f"{path} has shape {stored.shape}: give one number a pixel, (height, width).")
+    numbers = to_float64(stored).copy()
+    numbers[stored == 0 if stored.dtype.kind != "f" else np.isinf(numbers)] = np.nan
+    return numbers
 
 
 def check_map(kind: MapKind, path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -> None:

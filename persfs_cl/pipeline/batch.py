@@ -13,12 +13,14 @@ from typing import Any, Literal, cast, get_args
 
 from persfs_cl._cl.device import Device
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import FARTHEST, NEAREST, as_number, as_whole_number, check_choice
+from persfs_cl.checks import as_whole_number, check_choice
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
+from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
 from persfs_cl.pipeline.optics import CameraChoice
@@ -266,6 +268,9 @@ def batch(
     albedo: FilePath | None = None,
     near: float | FilePath | None = None,
     far: float | FilePath | None = None,
+    guides: FilePath | None = None,
+    guide: FilePath | None = None,
+    guide_unit: float = 1.0,
     frames: str | None = None,
     save: str | Iterable[str] = DEFAULT_ITEMS,
     mesh_faces: int | None = DEFAULT_MESH_FACES,
@@ -300,6 +305,13 @@ def batch(
         Files for all photographs, of their size.
     near, far : float or path, optional
         Depths between which all surfaces lie, see `depth_range` of :func:`reconstruct`: numbers, or such files.
+    guides : path, optional
+        Folder with a guide for each photograph: that of ``a/b.jpg`` is ``a/b.jpg.npy``, or has another suffix of
+        :class:`persfs_cl.pipeline.guides.GuideFile`.
+    guide : path, optional
+        One for all photographs, such as COLMAP's ``points3D.txt``.
+    guide_unit : float
+        What the numbers of guides are multiplied by.
     frames : str, optional
         Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
     save, mesh_faces
@@ -359,19 +371,29 @@ def batch(
     for name in ("callback", "throw"):
         if options.get(name):
             raise InputError.about(name, options[name], "is for one photograph: results say how each iteration ended.")
-    for name, one, all_of_them in (("camera", camera, cameras), ("mask", mask, masks)):
+    for name, one, all_of_them in (("camera", camera, cameras), ("mask", mask, masks), ("guide", guide, guides)):
         if one is not None and all_of_them is not None:
             raise InputError.about(f"{name}s", all_of_them, f"and {name} say the same in two ways: give one of them.")
     if camera is not None:
         require_camera(camera)
     settings = complete(options)
-    files = {"masks": masks, "mask": mask, "walls": walls, "known_depth": known_depth, "albedo": albedo}
+    near, far = checked_bounds(_bound(near), _bound(far))
+    files = {
+        "masks": masks,
+        "guides": guides,
+        "mask": mask,
+        "walls": walls,
+        "known_depth": known_depth,
+        "albedo": albedo,
+    }
     plan = Plan(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
         **{name: None if file is None else as_path(file) for name, file in files.items()},
-        near=_bound("near", near),
-        far=_bound("far", far),
+        near=near,
+        far=far,
+        guide=None if guide is None else GuideFile(as_path(guide), guide_unit),
+        guide_unit=guide_unit,
         brightness=brightness,
         light=settings["light"],
         reflectance=settings["reflectance"],
@@ -390,13 +412,9 @@ def batch(
     return _shown(results, plan, store, listing, title_of([str(one) for one in given]))
 
 
-def _bound(name: str, given: float | FilePath | None) -> float | Path | None:
-    """A bound of the depth as a plan has it; InputError when it is none."""
-    if given is None:
-        return None
-    if isinstance(given, (str, os.PathLike)):
-        return as_path(given)
-    return as_number(name, given, least=NEAREST, most=FARTHEST, what="a depth", hint=", or a file")
+def _bound(given: float | FilePath | None) -> float | Path | None:
+    """A bound of the depth as a plan has it, if it is one."""
+    return as_path(given) if isinstance(given, (str, os.PathLike)) else given
 
 
 def _shown(

@@ -97,6 +97,8 @@ def look(job: Job) -> Looked:
     for kind, file in (*maps, ("light", job.brightness.ambient), ("light", job.brightness.vignetting)):
         if file is not None and not isinstance(file, (str, float, int)):
             check_map(kind, file, size, orientation=orientation)
+    if job.guide is not None:
+        job.guide.check()
     camera, source = job.camera.of(job.path, size)
     try:
         camera.grid(size)

@@ -18,10 +18,12 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.colour import encode_srgb
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.guide.guide import Points
 from persfs_cl.io.maps import read_depth, read_light, read_mask
 from persfs_cl.io.photos import Photo, read_frame, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.pipeline.results import PhotoSolution
 from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
@@ -52,6 +54,8 @@ class Job:
         Files of the photo's size.
     near, far : float, Path or None
         Depths between which the surface lies, as numbers or files.
+    guide : GuideFile or None
+        What is coarsely known of the depth.
     light : Light
     reflectance : Reflectance
     keywords : Options
@@ -69,6 +73,7 @@ class Job:
     albedo: Path | None = None
     near: float | Path | None = None
     far: float | Path | None = None
+    guide: GuideFile | None = None
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
@@ -83,7 +88,8 @@ class Job:
     def files(self) -> dict[str, float | Path | None]:
         """The photo, and what comes with it; bounds of the depth may be numbers."""
         names = ("path", "mask", "walls", "known_depth", "albedo", "near", "far")
-        return {name: getattr(self, name) for name in names}
+        guide = None if self.guide is None else self.guide.path
+        return {**{name: getattr(self, name) for name in names}, "guide": guide}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +112,7 @@ class JobInputs:
     albedo : ndarray of float64, shape (height, width), or None
     depth_range : (near, far) or None
         Numbers, arrays of that shape, or None where there is no bound.
+    guide : ndarray of float64, shape (any, any), Points, or None
     """
 
     job: Job
@@ -118,6 +125,7 @@ class JobInputs:
     known_depth: Array | None
     albedo: Array | None
     depth_range: tuple[float | Array | None, float | Array | None] | None
+    guide: Array | Points | None
 
     @property
     def lit(self) -> Mask:
@@ -161,6 +169,7 @@ class PreparedJob:
             "known_depth": self.known_depth,
             "albedo": self.inputs.albedo,
             "depth_range": self.inputs.depth_range,
+            "guide": self.inputs.guide,
         }
 
 
@@ -192,7 +201,8 @@ def read_job(job: Job) -> JobInputs:
     within = None if job.near is None and job.far is None else (bounds[0], bounds[1])
     preparation = job.brightness.preparation(shape, orientation=turned)
     camera, source = job.camera.of(job.path, shape)
-    inputs = JobInputs(job, photo, preparation, camera, source, opaque & inside, walls, depths, shares, within)
+    guide = None if job.guide is None else job.guide.read(job.path, camera, shape)
+    inputs = JobInputs(job, photo, preparation, camera, source, opaque & inside, walls, depths, shares, within, guide)
     if not inputs.lit.any():
         left_out = {"transparent": ~opaque, f"outside {job.mask}": ~inside}
         if walls is not None:
@@ -211,7 +221,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     """
     job, photo, wanted, walls = inputs.job, inputs.photo, inputs.wanted, inputs.walls
     depths = inputs.known_depth
-    assumed = depths is None and inputs.depth_range is None and job.light.flat_rim
+    assumed = depths is None and inputs.depth_range is None and inputs.guide is None and job.light.flat_rim
     known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
     solvable = wanted
     with _naming(job.title):

@@ -15,6 +15,7 @@ from persfs_cl.errors import InputError
 from persfs_cl.io import decode, raw, video
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.pipeline import tree
+from persfs_cl.pipeline.guides import SUFFIXES
 from persfs_cl.pipeline.naming import ancestors, result_names
 
 STANDARD_INPUT = "-"
@@ -154,6 +155,23 @@ def mask_for(entry: Input, folder: Path) -> Path:
     raise InputError(
         f"{entry.path} has no mask: {own} does not exist. Make it, all white if everything is to be solved; masks are "
         "named after the photos below the folder that is given, so give the folder, not its files."
+    )
+
+
+def guide_for(entry: Input, folder: Path) -> Path:
+    """The guide that belongs to an input: that of `abc/012.jpg` is `abc/012.jpg.npy`, or has another of the suffixes.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
+    for suffix in SUFFIXES:
+        if (own := folder / f"{entry.name}{suffix}").is_file():
+            return own
+    raise InputError(
+        f"{entry.path} has no guide: none of {folder / entry.name}{{{','.join(SUFFIXES)}}} exists. Guides are named "
+        "after the photos below the folder that is given; leave out photos that have none."
     )
 
 

@@ -14,8 +14,9 @@ from persfs_cl.errors import InputError
 from persfs_cl.io.files import opened
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import CameraTable
+from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.job import Job
-from persfs_cl.pipeline.listing import Input, mask_for
+from persfs_cl.pipeline.listing import Input, guide_for, mask_for
 from persfs_cl.pipeline.manifest import Known, Stamps
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lambertian import Lambertian
@@ -48,6 +49,12 @@ class Plan:
         Files for all photos, which must have their size.
     near, far : float, Path or None
         Bounds of the depth for all photos, as numbers or such files.
+    guides : Path or None
+        A folder with a guide for each photo, or None.
+    guide : GuideFile or None
+        One for all photos.
+    guide_unit : float
+        Of those in the folder.
     brightness, light, reflectance, keywords
         As for :class:`persfs_cl.pipeline.job.Job`.
     saving : Saving
@@ -62,6 +69,9 @@ class Plan:
     albedo: Path | None = None
     near: float | Path | None = None
     far: float | Path | None = None
+    guides: Path | None = None
+    guide: GuideFile | None = None
+    guide_unit: float = 1.0
     brightness: Brightness = field(default_factory=Brightness)
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
@@ -80,7 +90,7 @@ class Plan:
         Raises
         ------
         PersfsError
-            When the table has no entry for it, or it has no mask.
+            When the table has no entry for it, or it has no mask, or no guide.
         """
         return Job(
             one.path,
@@ -92,6 +102,7 @@ class Plan:
             albedo=self.albedo,
             near=self.near,
             far=self.far,
+            guide=self.guide if self.guides is None else GuideFile(guide_for(one, self.guides), self.guide_unit),
             light=self.light,
             reflectance=self.reflectance,
             keywords=self.keywords,
@@ -104,10 +115,14 @@ class Plan:
         Raises
         ------
         InputError
-            When a file for all photos cannot be opened, or `masks` is no folder.
+            When a file for all photos cannot be opened, or `masks` or `guides` is no folder.
         """
-        if self.masks is not None and not self.masks.is_dir():
-            raise InputError(f"{self.masks} is no folder: name the one that the masks are in.")
+        for name in ("masks", "guides"):
+            folder = getattr(self, name)
+            if folder is not None and not folder.is_dir():
+                raise InputError(f"{folder} is no folder: name the one that the {name} are in.")
+        if self.guide is not None:
+            self.guide.check()
         of_depth = (self.known_depth, self.near, self.far)
         for file in (self.mask, self.walls, *of_depth, self.albedo, *vars(self.brightness).values()):
             if isinstance(file, Path):
@@ -121,8 +136,10 @@ class Plan:
             "cameras": None if self.cameras is None else str(self.cameras.path),
             **{
                 name: _plain(getattr(self, name))
-                for name in ("masks", "mask", "walls", "known_depth", "albedo", "near", "far")
+                for name in ("masks", "mask", "walls", "known_depth", "albedo", "near", "far", "guides")
             },
+            "guide": None if self.guide is None else str(self.guide.path),
+            "guide_unit": self.guide_unit if self.guide is None else self.guide.unit,
             "brightness": _plain(self.brightness),
             "light": _plain(self.light),
             "reflectance": _plain(self.reflectance),
@@ -140,6 +157,7 @@ class Plan:
                 name: "file" if isinstance(value, Path) else value for name, value in vars(job.brightness).items()
             },
             "bounds": ["file" if isinstance(bound, Path) else bound for bound in (job.near, job.far)],
+            "guide_unit": None if job.guide is None else job.guide.unit,
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),

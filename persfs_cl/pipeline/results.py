@@ -88,6 +88,8 @@ class PhotoSolution:
             "solved": int(np.count_nonzero(solution.solved)),
             "unreached": int(np.count_nonzero(solution.unreached)),
             "clamped": int(np.count_nonzero(solution.clamped)),
+            "at_bound": int(np.count_nonzero(solution.at_bound)),
+            "guide": None if solution.guide is None else solution.guide.report(),
         }
         if compared:
             residual = self.photo_residual

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.checks import warn
 from persfs_cl.errors import InputError
+from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.export import display_levels, write_png
 from persfs_cl.io.files import atomic_path, json_text
 from persfs_cl.surface import plots as pictures
@@ -48,7 +49,12 @@ def unit_of(surface: SolvedSurface) -> str:
 
 
 def drawings(
-    surface: SolvedSurface, derived: Derived, changes: Array, tolerance: float, distance: float
+    surface: SolvedSurface,
+    derived: Derived,
+    changes: Array,
+    tolerance: float,
+    distance: float,
+    guide: GuideFit | None = None,
 ) -> dict[str, Callable[[Path], None]]:
     """The pictures of a surface: by the file's name, what draws to a path.
 
@@ -63,8 +69,13 @@ def drawings(
         Which ends the iteration.
     distance : float
         From the limit, as estimated.
+    guide : GuideFit, optional
+        Without it there is no picture of one.
     """
     unit, white = unit_of(surface), surface.white
+    of_guide = {}
+    if guide is not None:
+        of_guide["guide.png"] = lambda path: pictures.guide_picture(path, guide.departure, surface.at_bound)
     return {
         "depth.png": lambda path: pictures.depth_picture(path, surface.depth, unit=unit),
         "normals.png": lambda path: write_png(path, derived.normal_colours),
@@ -90,6 +101,7 @@ def drawings(
             path, derived.confidence.slope_error, derived.confidence.unreliable
         ),
         "convergence.png": lambda path: pictures.convergence_picture(path, changes, tolerance, distance=distance),
+        **of_guide,
     }
 
 

@@ -31,6 +31,7 @@ GROUPS = {
         "comparison.png",
         "confidence.png",
         "convergence.png",
+        "guide.png",
     ),
     "preview": PREVIEW,
     "page": (*PREVIEW, PAGE),

@@ -171,9 +171,9 @@ class Solution(SolvedSurface):
         save : str or iterable of str
             What a folder receives: groups of files and names of single files; a text has commas between them. The
             groups are "depth" (depth.npy, depth.tiff), "normals" (normals.png), "mesh" (mesh.ply), "pictures"
-            (depth.png, normals.png, relief.png, rendered.png, comparison.png, confidence.png, convergence.png) and
-            "report" (report.json). Single files may be others too: depth.tif, normals.npy (float32), mesh.obj,
-            mesh.stl, mesh.glb. A picture that cannot be drawn is left out, with a warning.
+            (depth.png, normals.png, relief.png, rendered.png, comparison.png, confidence.png, convergence.png, and with
+            a guide guide.png) and "report" (report.json). Single files may be others too: depth.tif, normals.npy
+            (float32), mesh.obj, mesh.stl, mesh.glb. A picture that cannot be drawn is left out, with a warning.
         mesh_faces : int or None
             As for :meth:`mesh`.
         colour : ndarray of uint8, optional
@@ -294,7 +294,9 @@ def write_files(
     }
     made["normals.npy"] = lambda: write_array(folder / "normals.npy", derived.normals.astype(np.float32))
     made["report.json"] = lambda: write_json(folder / "report.json", report_of(solution, derived), report())
-    possible = drawings(solution, derived, solution.changes, solution.parameters["tolerance"], solution.distance)
+    possible = drawings(
+        solution, derived, solution.changes, solution.parameters["tolerance"], solution.distance, solution.guide
+    )
     drawn = {file: possible[file] for file in saving.files if file in possible}
 
     def write_meshes() -> None:

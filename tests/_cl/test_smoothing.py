@@ -111,7 +111,7 @@ def test_blocks_have_the_votes_and_the_edges_of_their_pixels() -> None:
     ones[:, -1] = 0.0
     ones[2, 3] = 0.1
     right, _ = reduced_weights(ones, np.zeros((6, 8)))
-    np.testing.assert_allclose(right, [[2.0, 2, 2, 0], [2, 1.1, 2, 0], [2, 2, 2, 0]])
+    np.testing.assert_allclose(right, np.array([[2.0, 2.0, 2.0, 0.0], [2.0, 1.1, 2.0, 0.0], [2.0, 2.0, 2.0, 0.0]]))
     hole = ones * 0.0
     assert not reduced_weights(hole, hole)[0].any()
 

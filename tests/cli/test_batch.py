@@ -120,7 +120,7 @@ def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
         (("--frames", ":3"), ("--frames :3", "none is given")),
         (("--scheduler", "tcp://localhost:1", "--device", "all"), ("--device all",)),
         (("--scheme", "upwinds"), ("upwinds",)),
-        (("--near", "3", "--far", "2"), ("--near", "3 is beyond 2")),
+        (("--near", "3", "--far", "2"), ("--near 3.0 is beyond --far 2.0",)),
     ],
 )
 def test_wrong_options_are_refused_before_any_work(

@@ -58,6 +58,7 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "albedo": None,
         "near": None,
         "far": None,
+        "guide": None,
         "channel": "luminance",
         "encoding": "srgb",
         "bits": 16,
@@ -143,6 +144,25 @@ def test_flash_material_and_albedo_reach_the_solver(tmp_path: Path) -> None:
     assert report["photo"]["albedo"] == str(tmp_path / "albedo.npy")
     depth = np.load(tmp_path / "out" / "depth.npy")
     assert ps.compare(depth, SCENE.depth).mean < 0.05 * np.ptp(SCENE.depth), "depth in its unit, with nothing known"
+
+
+def test_a_guide_tells_the_gain_and_is_told_of(tmp_path: Path) -> None:
+    scene = ps.bump((HEIGHT, WIDTH), light=ps.FlashLight(), focal_length=WIDTH)
+    tifffile.imwrite(tmp_path / "photo.tif", scene.image)
+    rows, columns = np.mgrid[2:HEIGHT:3, 2:WIDTH:3].reshape(2, -1)
+    depths = 2000.0 * scene.depth[rows, columns]
+    np.savetxt(tmp_path / "points.csv", np.column_stack([columns, rows, depths]), delimiter=",")
+    options = ("--light=flash", "--gain=unknown", "--guide", tmp_path / "points.csv", "--guide-unit=0.001")
+    saved = "--save=depth.npy,report,guide.png,page"
+    outcome = run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *options, saved)
+    assert outcome.status == 0, outcome.stderr
+    np.testing.assert_allclose(np.load(tmp_path / "out" / "depth.npy"), 2.0 * scene.depth, rtol=0.01)
+    report = strict(tmp_path / "out" / "report.json")
+    assert report["guide"]["gain"] == report["parameters"]["light"]["gain"] == pytest.approx(4.0, rel=0.02)
+    assert (report["guide"]["cells"], report["photo"]["guide"]) == (len(rows), str(tmp_path / "points.csv"))
+    assert f"{report['guide']['used']} of {len(rows)} values used, the gain is" in outcome.stderr
+    assert (tmp_path / "out" / "guide.png").stat().st_size > 1000
+    assert '"guide":' in (tmp_path / "out" / "index.html").read_text()
 
 
 @pytest.mark.usefixtures("quick")

@@ -116,6 +116,7 @@ def record(name: str, **others: Any) -> dict[str, Any]:
             "solved": 3000,
             "unreached": 72,
             "clamped": 0,
+            "at_bound": 0,
             "mean_error": 1.5,
             "root_mean_square": 2.25,
         },

@@ -37,6 +37,7 @@ def test_a_row_an_image_with_all_that_is_known(tmp_path: Path) -> None:
         "solved": "3000",
         "unreached": "72",
         "clamped": "0",
+        "at_bound": "0",
         "depth_min": "0.9",
         "depth_median": "1.0",
         "depth_max": "1.25",

@@ -77,7 +77,7 @@ class Panel {
       made.push(element("p", { className: "note error" }, ...(kind ? [element("b", {}, kind), ": ", text] : [text])));
     }
     for (const warning of warnings(record)) made.push(element("p", { className: "note warning" }, warning));
-    const { focal_length: lengths, solved, unreached, clamped } = figures(record);
+    const { focal_length: lengths, solved, unreached, clamped, at_bound: bound, guide } = figures(record);
     const parts = Object.entries(record.seconds ?? {}).map(([step, value]) => `${step} ${duration(value)}`);
     const shown = columns.slice(2).filter(({ key }) => key !== "warnings" && key !== "solved" && key !== "seconds");
     const pairs = [
@@ -88,6 +88,9 @@ class Panel {
       ["Solved pixels", Number.isFinite(solved) ? `${figure(solved)} (${percent(share(record))})` : null],
       ["Unreached pixels", unreached ? figure(unreached) : null],
       ["Clamped pixels", clamped ? figure(clamped) : null],
+      ["Pixels on a bound", bound ? figure(bound) : null],
+      ["Guide", guide ? `${guide.used} of ${guide.cells} values used, noise ${percent(guide.noise)}` : null],
+      ["Gain, by the guide", guide?.gain ? figure(guide.gain) : null],
       ["Time", seconds(record) === undefined ? null : `${duration(seconds(record))} (${parts.join(", ")})`],
       ["Device", record.device],
       ["Finished", record.finished ? new Date(record.finished).toLocaleString() : null],

@@ -1,4 +1,4 @@
-"""Pictures for people: depth, normals, relief, comparison, confidence and convergence, each one PNG file.
+"""Pictures for people: depth, normals, relief, comparison, confidence, convergence and guide, each one PNG file.
 
 Every picture is drawn on a figure of its own with the Agg canvas and Matplotlib's own defaults: no display, no pyplot,
 no setting of the user's. Maps of more than 2000 pixels a side are drawn from 1000 to 2000 means of blocks of pixels,
@@ -8,6 +8,7 @@ the photograph.
 
 from persfs_cl.surface.plots.canvas import UNIT, matplotlib_defaults
 from persfs_cl.surface.plots.curves import convergence_picture
+from persfs_cl.surface.plots.guides import guide_picture
 from persfs_cl.surface.plots.maps import (
     comparison_picture,
     confidence_picture,
@@ -23,6 +24,7 @@ __all__ = [
     "confidence_picture",
     "convergence_picture",
     "depth_picture",
+    "guide_picture",
     "matplotlib_defaults",
     "normals_picture",
     "normals_rgb",

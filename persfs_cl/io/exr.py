@@ -1,0 +1,46 @@
+"""Depth maps in OpenEXR files, read by the package OpenEXR."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import opened
+from persfs_cl.io.limits import require_pixels
+from persfs_cl.io.remarks import decoding
+
+_DEPTHS = ("Z", "depth", "Depth", "Y", "R", "V")
+"""Names of the channel that holds the depth, the most usual first, where there are several."""
+
+
+def read_exr(path: Path) -> NDArray[Any]:
+    """The depth channel of an OpenEXR file: that called Z, or its only one.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read, or none of several channels is the depth; when OpenEXR is not installed.
+    """
+    try:
+        import OpenEXR
+    except ImportError as error:
+        raise InputError(
+            f"{path} is an OpenEXR file, and the package that reads them is missing: pip install 'persfs-cl[exr]'."
+        ) from error
+    # It names neither a missing file nor an empty one.
+    with opened(path):
+        pass
+    with decoding(path), OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+        (left, top), (right, bottom) = (np.asarray(corner).tolist() for corner in file.header()["dataWindow"])
+        require_pixels(path, (bottom - top + 1, right - left + 1), weight=4)
+    with decoding(path), OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.channels()
+        names = list(channels)
+        name = names[0] if len(names) == 1 else next((name for name in _DEPTHS if name in channels), None)
+        if name is None:
+            raise InputError(f"{path} has the channels {', '.join(names)}, and none is called Z: save the depth as Z.")
+        return np.array(channels[name].pixels)

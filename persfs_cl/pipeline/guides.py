@@ -1,0 +1,97 @@
+"""Files that guide a reconstruction: coarse maps of the depth, and points, of one photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from persfs_cl.arrays import Array
+from persfs_cl.camera import Camera
+from persfs_cl.checks import as_number
+from persfs_cl.errors import InputError
+from persfs_cl.guide.guide import Points
+from persfs_cl.io.clouds import read_cloud
+from persfs_cl.io.colmap import read_colmap_points
+from persfs_cl.io.files import opened
+from persfs_cl.io.maps import read_numbers
+from persfs_cl.io.points import read_points
+
+SUFFIXES = (".npy", ".tiff", ".tif", ".exr", ".png", ".csv", ".json", ".ply", ".txt")
+"""Of files that are guides, in the order in which they are looked for."""
+_MAPS = (".npy", ".tiff", ".tif", ".exr", ".png")
+
+
+@dataclass(frozen=True)
+class GuideFile:
+    """A file, and the unit of its numbers.
+
+    Parameters
+    ----------
+    path : Path
+        A map: `.npy`, `.tiff`, `.png`, `.exr`. Points: `.csv` or `.json` of column, row and depth, `.ply` in the
+        camera's axes, or COLMAP's `points3D.txt` with `images.txt` beside it.
+    unit : float
+        What its numbers are multiplied by: 0.001 for millimetres where depths are in metres.
+
+    Raises
+    ------
+    InputError
+        When the unit is not a finite number above 0.
+    """
+
+    path: Path
+    unit: float = 1.0
+
+    def __post_init__(self) -> None:
+        unit = as_number("guide_unit", self.unit, above=0.0, what="a unit", hint=", such as 0.001 for millimetres")
+        object.__setattr__(self, "unit", unit)
+
+    def check(self) -> None:
+        """Refuse a file that is missing, empty, or no guide by its name.
+
+        Raises
+        ------
+        InputError
+            Naming it.
+        """
+        if self.path.suffix.lower() not in SUFFIXES:
+            raise InputError(
+                f"{self.path} is no guide by its name: give a map, {', '.join(_MAPS)}, or points, .csv, .json, .ply or "
+                "COLMAP's points3D.txt."
+            )
+        with opened(self.path):
+            pass
+
+    def read(self, photo: Path, camera: Camera, shape: tuple[int, int]) -> Array | Points:
+        """What it says of a photo.
+
+        Raises
+        ------
+        InputError
+            When it cannot be read, or says nothing of the photo.
+        """
+        self.check()
+        suffix = self.path.suffix.lower()
+        if suffix in _MAPS:
+            return self.unit * read_numbers(self.path)
+        if suffix == ".ply":
+            seen = _projected(self.path, read_cloud(self.path), camera, shape)
+        elif suffix == ".txt":
+            seen = read_colmap_points(self.path, photo)
+        else:
+            seen = read_points(self.path)
+        return Points(seen[:, 0], seen[:, 1], self.unit * seen[:, 2])
+
+
+def _projected(path: Path, points: Array, camera: Camera, shape: tuple[int, int]) -> Array:
+    """Column, row and depth of points in front of the camera, in its axes."""
+    x, y, z = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0.0)].T
+    if z.size == 0:
+        raise InputError(
+            f"{path} has none of its {len(points)} points in front of the camera: give them in its axes, x to the "
+            "right, y down, z forward."
+        )
+    column, row = camera.centre(shape)
+    return np.column_stack([column + camera.fx * x / z, row + camera.fy * y / z, z])
