@@ -161,8 +161,8 @@ def write(
 
 def _grey_levels(solved: PhotoSolution) -> dict[str, Any]:
     grey = solved.photo_residual
-    untouched = {"ambient": 0.0, "vignetting": "none"}.items() <= solved.report["photo"].items()
-    itself = "the photo itself" if untouched else "the photo itself, less ambient light and vignetting"
+    untouched = {"tone_exponent": 1.0, "ambient": 0.0, "vignetting": "none"}.items() <= solved.report["photo"].items()
+    itself = "the photo itself" if untouched else "the photo itself, less tone curve, ambient light and vignetting"
     return {
         "compared_with": f"{itself}, neither clipped nor filtered, with the white of the prepared image",
         "mean_error": grey.mean,
