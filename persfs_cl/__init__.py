@@ -10,6 +10,8 @@ See :func:`reconstruct` for the main entry, :func:`read_image` for photographs, 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from persfs_cl._cl.device import Device, devices
+    from persfs_cl.calibration.calibrate import calibrate
+    from persfs_cl.calibration.result import Calibration, CalibrationErrors
     from persfs_cl.camera import Camera
     from persfs_cl.errors import (
         CameraError,
@@ -44,6 +46,8 @@ else:
     # take half a second; a program that reads photographs needs no OpenCL.
     _HOMES = {
         "_cl.device": ("Device", "devices"),
+        "calibration.calibrate": ("calibrate",),
+        "calibration.result": ("Calibration", "CalibrationErrors"),
         "camera": ("Camera",),
         "errors": (
             "CameraError",
@@ -94,6 +98,8 @@ else:
 
 __all__ = [
     "BatchResult",
+    "Calibration",
+    "CalibrationErrors",
     "Camera",
     "CameraError",
     "ConvergenceError",
@@ -117,6 +123,7 @@ __all__ = [
     "batch",
     "bump",
     "bumps",
+    "calibrate",
     "clip_highlights",
     "compare",
     "devices",
