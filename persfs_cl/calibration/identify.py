@@ -61,7 +61,7 @@ class Precision:
         open_ends = np.einsum("ik,k->i", vectors**2, np.where(values <= least, 1.0 / values, 0.0))
         deviation = np.sqrt(np.diag(inverse))
         return cls(
-            unit * np.sqrt(np.diag(sandwich) + open_ends),
+            unit * np.sqrt(np.maximum(np.diag(sandwich), np.diag(inverse)) + open_ends),
             np.sqrt(np.einsum("ik,k->i", vectors**2, values)) * deviation,
             inverse / np.outer(deviation, deviation),
         )

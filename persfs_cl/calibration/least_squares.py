@@ -1,7 +1,8 @@
-"""Robust least squares for a handful of numbers whose residuals are dear: Levenberg-Marquardt with Tukey's weights.
+"""Robust least squares for a handful of numbers whose residuals are dear: Levenberg-Marquardt with weights.
 
-SciPy has no redescending weights, which are what keeps parts of a surface out that a jump drags along; and it would be
-the largest dependency of the package, for these few lines.
+First come Huber's, which lead to one minimum, and then Tukey's, by which outliers do not count at all. SciPy has no
+redescending weights, which are what keeps parts of a surface out that a jump drags along; and it would be the largest
+dependency of the package, for these few lines.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from persfs_cl.arrays import Array, Indices
 from persfs_cl.calibration.parameters import Parameter
 from persfs_cl.errors import InputError
 
-_TUKEY = 4.685
+_HUBER, _TUKEY = 1.345, 4.685
 """In standard deviations: 95 % as efficient as plain least squares where all errors are normal."""
 _LEAST_SCALE = 1e-4
 """A relative error below which neither brightness nor depth is taken to be known."""
 _MOST_STEPS, _MOST_TRIALS, _LEAST_DAMPING = 30, 7, 1e-6
-_SETTLED = 0.05
-"""In steps of differences: a step that is no larger is the last one."""
+_SETTLED, _NEAR = 0.05, 0.5
+"""In steps of differences: a step that is no larger is the last one, with Tukey's and with Huber's weights."""
 _PRIOR = 0.1
 """Weight of the prior: nothing where the data tell, but they do not let go of what they cannot tell."""
 
@@ -101,31 +102,33 @@ def fit(
     )
     prior = _PRIOR / spread**2
     numbers, damping = np.clip(begin, least, most), _LEAST_DAMPING
-    found = residuals(numbers)
+    found, tukey = residuals(numbers), False
     for count in range(1, _MOST_STEPS + 1):
         if callback is not None:
             callback(count, float(np.nanmedian(np.abs(found))))
         slopes = _differences(residuals, numbers, found, fineness * step, most)
         scale = _scales(found, groups)
-        weights = _weights(found, scale)
+        weights = _weights(found, scale, tukey)
         system = slopes.T @ (slopes * weights[:, None])
         gradient = slopes.T @ (weights * np.nan_to_num(found)) + prior * (numbers - start)
-        here = _cost(found, scale) + 0.5 * float(prior @ (numbers - start) ** 2)
+        here = _cost(found, scale, tukey) + 0.5 * float(prior @ (numbers - start) ** 2)
         for _trial in range(_MOST_TRIALS):
             damped = system + np.diag(prior + damping * np.diag(system))
             there = np.clip(numbers - np.linalg.solve(damped, gradient), least, most)
             moved = np.abs(there - numbers) / step
             tried = _or_none(residuals, there)
-            if tried is not None and _cost(tried, scale) + 0.5 * float(prior @ (there - start) ** 2) <= here:
+            if tried is not None and _cost(tried, scale, tukey) + 0.5 * float(prior @ (there - start) ** 2) <= here:
                 numbers, found, damping = there, tried, max(damping / 30.0, _LEAST_DAMPING)
                 break
             damping *= 30.0
         else:
             moved = np.zeros_like(step)
-        if moved.max(initial=0.0) <= _SETTLED:
-            break
+        if moved.max(initial=0.0) <= (_SETTLED if tukey else _NEAR) or (not tukey and count >= _MOST_STEPS // 2):
+            if tukey:
+                break
+            tukey, damping = True, _LEAST_DAMPING
     scale = _scales(found, groups)
-    weights = _weights(found, scale)
+    weights = _weights(found, scale, True)
     return Fitted(numbers, found, slopes, weights, _response(found, scale))
 
 
@@ -163,10 +166,14 @@ def _scales(found: Array, groups: Indices) -> Array:
     return scale
 
 
-def _weights(found: Array, scale: Array) -> Array:
-    """Tukey's biweight over the square of the scale."""
-    share = np.nan_to_num(found / (_TUKEY * scale), nan=1.0)
-    return np.asarray(np.maximum(0.0, 1.0 - share**2) ** 2 / scale**2)
+def _weights(found: Array, scale: Array, tukey: bool) -> Array:
+    """Weights over the square of the scale."""
+    if tukey:
+        share = np.nan_to_num(found / (_TUKEY * scale), nan=1.0)
+        weights = np.maximum(0.0, 1.0 - share**2) ** 2
+    else:
+        weights = 1.0 / np.maximum(1.0, np.abs(np.nan_to_num(found, nan=np.inf)) / (_HUBER * scale))
+    return np.asarray(weights / scale**2)
 
 
 def _response(found: Array, scale: Array) -> float:
@@ -176,7 +183,11 @@ def _response(found: Array, scale: Array) -> float:
     return float(max(0.1, np.sum(inside * (1.0 - 5.0 * square)) / max(1e-9, np.sum(inside**2))))
 
 
-def _cost(found: Array, scale: Array) -> float:
+def _cost(found: Array, scale: Array, tukey: bool) -> float:
     """The sum that the weights stand for. One that has no residual costs as much as an outlier."""
-    share = np.nan_to_num(found / (_TUKEY * scale), nan=1.0)
-    return float(np.sum(1.0 - np.maximum(0.0, 1.0 - share**2) ** 3)) * _TUKEY**2 / 6.0
+    share = np.abs(found / scale)
+    if tukey:
+        inside = np.maximum(0.0, 1.0 - np.nan_to_num(share / _TUKEY, nan=1.0) ** 2)
+        return float(np.sum(1.0 - inside**3)) * _TUKEY**2 / 6.0
+    share = np.nan_to_num(share, nan=_TUKEY)
+    return float(np.sum(np.where(share <= _HUBER, 0.5 * share**2, _HUBER * (share - 0.5 * _HUBER))))

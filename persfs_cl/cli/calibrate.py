@@ -55,7 +55,7 @@ def calibrate(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="PHOTO TRUTH [PHOTO TRUTH ...]",
+            metavar="PHOTO TRUTH...",
             help="Photos, and after each what is known of its depth: a depth map of its size, .npy or .tiff, NaN where "
             "unknown; or points, .csv or .json of column, row and depth.",
         ),
@@ -101,7 +101,7 @@ def calibrate(
     if len(files) % 2:
         raise typer.BadParameter(
             f"{len(files)} files are no pairs: give each photo, and after it its truth.",
-            param_hint="'PHOTO TRUTH [PHOTO TRUTH ...]'",
+            param_hint="'PHOTO TRUTH...'",
         )
     if brightness.normalise is not None or brightness.white_percentile is not None:
         raise typer.BadParameter(
