@@ -62,7 +62,7 @@ class Pair:
     @property
     def factor(self) -> int:
         """Pixels of the photograph along a side of one of the reduced image."""
-        return math.ceil(max(self.mask.shape) / _LONGEST)
+        return math.ceil(max(map(int, self.mask.shape)) / _LONGEST)
 
     @property
     def shape(self) -> tuple[int, int]:

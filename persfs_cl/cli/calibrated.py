@@ -50,7 +50,7 @@ def _options(calibration: Calibration) -> Iterator[tuple[str, Any]]:
         ("reflectance", MATERIALS, calibration.reflectance),
     ):
         yield option, next(name for name, kind in kinds.items() if kind is type(one))
-        for field in fields(one):  # type: ignore[arg-type] # each of the tables holds dataclasses
+        for field in fields(one):
             value, name = getattr(one, field.name), str(field.metadata.get("option", field.name)).replace("_", "-")
             if name in fitted or field.default is MISSING or value != field.default:
                 yield name, _plain(value)

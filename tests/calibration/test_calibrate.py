@@ -47,6 +47,11 @@ def points(depth: Image, count: int, seed: int, noise: float = 0.01) -> Image:
     return np.stack([columns, rows, depth[rows, columns] * (1.0 + noise * draw.normal(size=count))], axis=1)
 
 
+def lamp_of(calibration: ps.Calibration) -> ps.FlashLight:
+    assert isinstance(calibration.light, ps.FlashLight)
+    return calibration.light
+
+
 def ball_in_front(distance: float, radius: float) -> Image:
     """Depth of a ball as far as it can be seen, NaN around it."""
     grid = CAMERA.grid(SHAPE)
@@ -67,14 +72,14 @@ def test_gain_tone_and_lamp_are_found_from_a_hundred_points() -> None:
         for seed, depth in ((0, NEAR), (1, FAR))
     ]
     calibration = ps.calibrate(pairs, CAMERA, fit="gain,exponent,lamp")
-    assert calibration.light.gain * white == pytest.approx(1.0, abs=0.01)  # type: ignore[attr-defined]
+    assert lamp_of(calibration).gain * white == pytest.approx(1.0, abs=0.01)
     assert calibration.exponent == pytest.approx(1.2, abs=0.03)
-    apart = np.subtract(calibration.light.offset, LAMP)  # type: ignore[attr-defined]
+    apart = np.subtract(lamp_of(calibration).offset, LAMP)
     assert np.linalg.norm(apart) <= 0.02
     # Forwards the lamp does as the gain does, and is left where it was.
     assert list(calibration.reasons) == ["lamp_z"]
     assert "the place of the lamp forwards and the gain cannot be told apart" in calibration.reasons["lamp_z"]
-    assert calibration.light.offset[2] == 0.0  # type: ignore[attr-defined]
+    assert lamp_of(calibration).offset[2] == 0.0
     assert calibration.validation == "2 photographs"
     assert calibration.before.depth is not None
     assert calibration.after.depth is not None
@@ -125,10 +130,8 @@ def test_a_parallel_light_is_found_from_a_dense_truth(white: float, exponent: fl
     ]
     fit = ["direction", "white", *["exponent"] * (exponent != 1.0)]
     calibration = ps.calibrate(pairs, CAMERA, light=ps.ParallelLight(), fit=fit)
-    assert (calibration.light.p0, calibration.light.q0) == (  # type: ignore[attr-defined]
-        pytest.approx(0.3, abs=0.01),
-        pytest.approx(-0.2, abs=0.01),
-    )
+    assert isinstance(calibration.light, ps.ParallelLight)
+    np.testing.assert_allclose((calibration.light.p0, calibration.light.q0), (0.3, -0.2), atol=0.01)
     assert calibration.white_level == pytest.approx(white, rel=0.01)
     assert calibration.exponent == pytest.approx(exponent, abs=0.02)
     assert calibration.before.depth is None
@@ -168,7 +171,8 @@ def test_gloss_is_found() -> None:
         "specular": pytest.approx(0.4, abs=0.02),
         "shininess": pytest.approx(8.0, rel=0.05),
     }
-    assert calibration.reflectance.diffuse == pytest.approx(0.6, abs=0.02)  # type: ignore[attr-defined]
+    assert isinstance(calibration.reflectance, ps.Phong)
+    assert calibration.reflectance.diffuse == pytest.approx(0.6, abs=0.02)
 
 
 @pytest.mark.parametrize("truth", ["map", "points"])
@@ -185,7 +189,7 @@ def test_the_lamp_is_told_in_depth_where_the_truth_is_dense() -> None:
     photo = taken(NEAR, light, white=1.0)
     calibration = ps.calibrate([(photo, NEAR)], CAMERA, fit="gain,lamp")
     assert not calibration.reasons
-    np.testing.assert_allclose(calibration.light.offset, light.offset, atol=0.005)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(lamp_of(calibration).offset, light.offset, atol=0.005)
     assert calibration.validation == "5 folds"
 
 

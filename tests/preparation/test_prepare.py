@@ -123,7 +123,7 @@ def test_a_white_level_takes_the_place_of_a_percentile(floats: MapToPhoto) -> No
     assert (normalised.report["white"], normalised.report["white_percentile"]) == (0.4, None)
     for keywords in ({"how": "grey"}, {"how": "none"}, {"percentile": 99.0}):
         with pytest.raises(InputError, match=r'white=0\.4 goes with "linear", instead of a percentile'):
-            prepared.normalised(white=0.4, **keywords)  # type: ignore[arg-type]
+            prepared.normalised(white=0.4, **keywords)
     with pytest.raises(InputError, match=r"white=0\.0 is not a brightness"):
         prepared.normalised(white=0.0)
 
