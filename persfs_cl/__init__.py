@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.pipeline.batch import BatchResult, batch
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
-    from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
+    from persfs_cl.preparation.prepare import Preparation, prepare_photo
+    from persfs_cl.preparation.prepared import PreparedPhoto
     from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
     from persfs_cl.scenes.framed import bump, bumps
     from persfs_cl.scenes.meshes import mesh_scene
@@ -65,7 +66,8 @@ else:
         "shading.parallel_light": ("ParallelLight",),
         "metrics": ("Errors", "compare"),
         "pipeline.batch": ("BatchResult", "batch"),
-        "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
+        "preparation.prepare": ("Preparation", "prepare_photo"),
+        "preparation.prepared": ("PreparedPhoto",),
         "shading.lambertian": ("Lambertian",),
         "shading.oren_nayar": ("OrenNayar",),
         "shading.phong": ("Phong",),

@@ -25,7 +25,7 @@ from persfs_cl.told import hearing
 _MOST_PIXELS, _MOST_POINTS = 20_000, 4_000
 """Of a dense truth: a fit gains nothing from more."""
 _WHITE = 99.5
-"""Percentile that is white, as in :meth:`persfs_cl.preparation.prepare.PreparedPhoto.normalised`."""
+"""Percentile that is white, as in :meth:`persfs_cl.preparation.prepared.PreparedPhoto.normalised`."""
 _DARK = 0.05
 """Share of the white at which noise of the photograph weighs as much as the brightness."""
 _FACING = 0.7

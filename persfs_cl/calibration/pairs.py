@@ -128,6 +128,20 @@ def pair_of(
             "surface, or a mask that holds them.",
             argument="truth",
         )
+    _, usable = pair.light(preparation.tone_exponent)
+    height, width = pair.shape
+    columns, rows = (
+        np.clip(np.rint(pair.points[:, axis]).astype(np.int64), 0, size - 1)
+        for axis, size in enumerate((width, height))
+    )
+    told = usable[rows, columns]
+    if not told.any():
+        raise InputError(
+            f"of {told.size} known depths none lies where the photo tells a brightness: all are black, saturated, "
+            "highlights, or at the edge of the mask. Give others, or a photo that is exposed less.",
+            argument="truth",
+        )
+    pair.points = pair.points[told]
     return pair
 
 

@@ -13,7 +13,8 @@ from persfs_cl.cli.settings import MayBePath
 from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.preparation.correct import cosine_power
-from persfs_cl.preparation.prepare import LEAST_EXPONENT, MOST_EXPONENT, Highlights, Normalise
+from persfs_cl.preparation.prepare import LEAST_EXPONENT, MOST_EXPONENT, Highlights
+from persfs_cl.preparation.prepared import Normalise
 
 _PHOTO = "Brightness of the photo"
 

@@ -169,7 +169,7 @@ def _steps() -> Iterator[Callable[[int, float], object] | None]:
     if not sys.stderr.isatty():
         yield None
         return
-    with Console(stderr=True).status("reading the photos") as line:
+    with Console(stderr=True).status("fitting") as line:
         yield lambda step, error: line.update(f"step {step}, median error {error:.2%}")
 
 

@@ -12,7 +12,8 @@ from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.maps import read_light
 from persfs_cl.io.photos import Channel, Encoding
-from persfs_cl.preparation.prepare import Highlights, Normalise, Preparation, PreparedPhoto
+from persfs_cl.preparation.prepare import Highlights, Preparation
+from persfs_cl.preparation.prepared import Normalise, PreparedPhoto
 from persfs_cl.shading.model import Light
 from persfs_cl.wording import keyword
 
@@ -34,7 +35,7 @@ class Brightness:
         Divide by the brightest value, stretch by eq. (2), or leave as it is. None is "linear" for a parallel light;
         for others nothing is normalised.
     white_percentile, white_level : float or None
-        The `percentile` and the `white` of :meth:`persfs_cl.preparation.prepare.PreparedPhoto.normalised`.
+        The `percentile` and the `white` of :meth:`persfs_cl.preparation.prepared.PreparedPhoto.normalised`.
     """
 
     channel: Channel = "luminance"

@@ -16,7 +16,7 @@ from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.io.photos import Photo
 from persfs_cl.metrics import Errors
-from persfs_cl.preparation.prepare import PreparedPhoto
+from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.surface.saving import PAGE, PREVIEW, Saving
 from persfs_cl.surface.solution import Solution, write_files
 from persfs_cl.surface.solved import Derived

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from numpy.typing import NDArray
 
 import persfs_cl as ps
@@ -212,6 +214,42 @@ def test_a_map_with_few_depths_counts_as_points() -> None:
     assert calibration.after.brightness is None
 
 
+def test_without_fall_off_the_gain_is_told_by_a_map() -> None:
+    light = ps.FlashLight(falloff=False, gain=0.6)
+    calibration = ps.calibrate([(taken(NEAR, light, white=1.0), NEAR)], CAMERA, light=ps.FlashLight(falloff=False))
+    assert calibration.values["gain"] == pytest.approx(0.6, rel=0.005)
+    assert calibration.before.depth is None
+
+
+def test_a_photo_is_prepared_as_it_will_be(tmp_path: Path) -> None:
+    lit = 0.6 * ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=0.4)) * cosine_vignetting(CAMERA, SHAPE)
+    tifffile.imwrite(tmp_path / "photo.tif", (lit + 0.04) ** (1 / 1.3))
+    preparation = ps.Preparation(ambient=0.04 ** (1 / 1.3), vignetting="cos4", mean_filter=3)
+    photo = ps.read_photo(tmp_path / "photo.tif")
+    calibration = ps.calibrate([(photo, NEAR)], CAMERA, preparation=preparation, fit="gain,exponent")
+    assert calibration.exponent == pytest.approx(1.3, abs=0.01)
+    assert calibration.values["gain"] == pytest.approx(0.24, rel=0.01)
+    prepared = ps.prepare_photo(photo, CAMERA, calibration.preparation)
+    solution = ps.reconstruct(prepared.light, CAMERA, light=calibration.light)
+    assert ps.compare(solution.depth, NEAR).mean < 0.01
+
+
+def test_what_is_saturated_tells_nothing(tmp_path: Path) -> None:
+    light = ps.FlashLight()
+    image = ps.render(NEAR, CAMERA, light=light)
+    levels = np.minimum(np.rint(255.0 * image / (0.7 * image.max())), 255).astype(np.uint8)
+    tifffile.imwrite(tmp_path / "photo.tif", levels)
+    photo = ps.read_photo(tmp_path / "photo.tif", encoding="linear")
+    calibration = ps.calibrate([(photo, NEAR)], CAMERA)
+    assert calibration.values["gain"] == pytest.approx(1.0 / (0.7 * image.max()), rel=0.01)
+    rows, columns = np.nonzero(levels == 255)
+    known = np.stack([columns, rows, NEAR[rows, columns]], axis=1)
+    with pytest.raises(
+        ps.InputError, match=rf"photo.tif: of {len(known)} known depths none lies where the photo tells"
+    ):
+        ps.calibrate([(photo, known)], CAMERA)
+
+
 def test_large_photos_are_reduced() -> None:
     light = ps.FlashLight(gain=0.8, offset=(0.1, 0.0, 0.0))
     large = ps.bump((520, 600), light=light, surface="toward", relief=0.4, focal_length=600.0, noise=0.02)
@@ -343,5 +381,8 @@ def test_what_cannot_be_used_is_refused(case: str) -> None:
 
 
 def test_which_of_several_is_refused_is_said() -> None:
+    dark = ps.Preparation(ambient=np.zeros((3, 4)))
+    with pytest.raises(ps.InputError, match=r"pairs\[0\]: ambient is float64 of shape \(3, 4\): give an array of"):
+        ps.calibrate([(PHOTO, NEAR), (PHOTO, NEAR)], CAMERA, preparation=dark)
     with pytest.raises(ps.InputError, match=r"pairs\[1\]: truth has shape \(3, 4\)"):
         ps.calibrate([(PHOTO, NEAR), (PHOTO, np.ones((3, 4)))], CAMERA)
