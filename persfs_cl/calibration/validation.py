@@ -9,8 +9,10 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Indices
 from persfs_cl.calibration.evidence import BySurface, Evidence
+from persfs_cl.calibration.parameters import Assumed
 from persfs_cl.calibration.result import CalibrationErrors
 from persfs_cl.calibration.search import Found, Search
+from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Light
 
 _FOLDS = 5
@@ -33,19 +35,19 @@ def validated(
     several = len(evidence) > 1
     folds = [np.full(len(one.places), number) if several else one.folds(_FOLDS) for number, one in enumerate(evidence)]
     together = np.concatenate(folds)
-    values = {fold: search.without(found, together == fold) for fold in np.unique(together)}
+    values = [search.without(found, together == fold) for fold in range(len(evidence) if several else _FOLDS)]
     before: dict[str, list[Array]] = {}
     after: dict[str, list[Array]] = {}
     for one, own in zip(evidence, folds, strict=True):
         for what, measured, parts in _measures(search.start.light, one, own, device, _FOLDS if not several else None):
-            before.setdefault(what, []).append(measured.errors(search.start))
+            before.setdefault(what, []).append(_errors(measured, search.start))
             if not found.parameters:
                 after.setdefault(what, []).append(before[what][-1])
                 continue
             errors = np.full(len(measured.places), np.nan)
             for fold in np.unique(parts):
                 held_out = parts == fold
-                errors[held_out] = measured.errors(values[fold])[held_out]
+                errors[held_out] = _errors(measured, values[fold])[held_out]
             after.setdefault(what, []).append(errors)
     names = f"{len(evidence)} photographs" if several else f"{_FOLDS} folds"
     return _means(before), _means(after), names
@@ -63,6 +65,14 @@ def _measures(
         parts = np.full(len(surface.places), own[0]) if folds is None else surface.folds(folds)
         measures.append(("depth", surface, parts))
     return measures
+
+
+def _errors(measured: Evidence, assumed: Assumed) -> Array:
+    """Errors, NaN where nothing comes of what is assumed, as where a fit begins in another unit of depth."""
+    try:
+        return measured.errors(assumed)
+    except InputError:
+        return np.full(len(measured.places), np.nan)
 
 
 def _means(errors: Mapping[str, Sequence[Array]]) -> CalibrationErrors:

@@ -214,6 +214,24 @@ def test_a_map_with_few_depths_counts_as_points() -> None:
     assert calibration.after.brightness is None
 
 
+@pytest.mark.parametrize("unit", [1e-3, 500.0])
+def test_depth_may_be_in_any_unit(unit: float) -> None:
+    light = ps.FlashLight(gain=0.5 * unit**2, offset=(0.1 * unit, 0.0, 0.0))
+    known = points(unit * NEAR, 60, 0, noise=0.003)
+    calibration = ps.calibrate([(ps.render(unit * NEAR, CAMERA, light=light), known)], CAMERA, fit="gain,lamp")
+    # What so coarse a grid errs by, the place of the lamp forwards takes up, and hands on to the gain.
+    assert calibration.values["gain"] == pytest.approx(light.gain, rel=0.03)
+    assert calibration.values["lamp_x"] == pytest.approx(0.1 * unit, abs=0.01 * unit)
+    assert calibration.after.depth is not None
+    assert calibration.after.depth < 0.01
+
+
+def test_two_points_tell_the_gain() -> None:
+    photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=0.8))
+    calibration = ps.calibrate([(photo, points(NEAR, 2, 0, noise=0.0))], CAMERA)
+    assert calibration.values["gain"] == pytest.approx(0.8, rel=0.02)
+
+
 def test_without_fall_off_the_gain_is_told_by_a_map() -> None:
     light = ps.FlashLight(falloff=False, gain=0.6)
     calibration = ps.calibrate([(taken(NEAR, light, white=1.0), NEAR)], CAMERA, light=ps.FlashLight(falloff=False))
