@@ -10,6 +10,8 @@ See :func:`reconstruct` for the main entry, :func:`read_image` for photographs, 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from persfs_cl._cl.device import Device, devices
+    from persfs_cl.calibration.calibrate import calibrate
+    from persfs_cl.calibration.result import Calibration, CalibrationErrors
     from persfs_cl.camera import Camera
     from persfs_cl.errors import (
         CameraError,
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.pipeline.batch import BatchResult, batch
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
-    from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
+    from persfs_cl.preparation.prepare import Preparation, prepare_photo
+    from persfs_cl.preparation.prepared import PreparedPhoto
     from persfs_cl.scenes.analytic import hillside, sphere_cap, vase
     from persfs_cl.scenes.framed import bump, bumps
     from persfs_cl.scenes.meshes import mesh_scene
@@ -46,6 +49,8 @@ else:
     # take half a second; a program that reads photographs needs no OpenCL.
     _HOMES = {
         "_cl.device": ("Device", "devices"),
+        "calibration.calibrate": ("calibrate",),
+        "calibration.result": ("Calibration", "CalibrationErrors"),
         "camera": ("Camera",),
         "errors": (
             "CameraError",
@@ -65,7 +70,8 @@ else:
         "shading.parallel_light": ("ParallelLight",),
         "metrics": ("Errors", "compare"),
         "pipeline.batch": ("BatchResult", "batch"),
-        "preparation.prepare": ("Preparation", "PreparedPhoto", "prepare_photo"),
+        "preparation.prepare": ("Preparation", "prepare_photo"),
+        "preparation.prepared": ("PreparedPhoto",),
         "shading.lambertian": ("Lambertian",),
         "shading.oren_nayar": ("OrenNayar",),
         "shading.phong": ("Phong",),
@@ -98,6 +104,8 @@ else:
 
 __all__ = [
     "BatchResult",
+    "Calibration",
+    "CalibrationErrors",
     "Camera",
     "CameraError",
     "ConvergenceError",
@@ -123,6 +131,7 @@ __all__ = [
     "batch",
     "bump",
     "bumps",
+    "calibrate",
     "clip_highlights",
     "compare",
     "devices",

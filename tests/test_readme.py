@@ -64,7 +64,7 @@ def typed_lines(example: Example) -> list[str]:
 
 
 README = examples("README.md")
-EXAMPLES = [*README, *examples("docs/choosing.md"), *examples("docs/accuracy.md")]
+EXAMPLES = [*README, *(each for page in ("choosing", "calibrate", "accuracy") for each in examples(f"docs/{page}.md"))]
 
 
 def test_readme_has_examples_of_both_kinds_and_output() -> None:

@@ -19,6 +19,7 @@ from persfs_cl._cl.registers import lanes
 from persfs_cl.bench import fresh
 from persfs_cl.bench.accuracy import accuracy, ambiguity, lamp, noise, reflectance
 from persfs_cl.bench.alternatives import weno
+from persfs_cl.bench.calibration import calibration
 from persfs_cl.bench.calls import calls, small_image
 from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.distance import distance
@@ -208,6 +209,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "reflectance": reflectance,
     "ambiguity": ambiguity,
     "lamp": lamp,
+    "calibration": calibration,
     "weno": weno,
     "folder": folder,
     "compilation": compilation,

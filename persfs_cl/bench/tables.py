@@ -9,6 +9,7 @@ from typing import Any
 from persfs_cl.bench import accuracy as exact
 from persfs_cl.bench import distance as limits
 from persfs_cl.bench.alternatives import WENO
+from persfs_cl.bench.calibration import QUANTITIES
 from persfs_cl.bench.calls import FAST_MARCHING, SPEED
 from persfs_cl.bench.convergence import ELAPSED
 from persfs_cl.bench.flash import PIXELS, PIXELS_UNIT
@@ -308,6 +309,15 @@ def _lamp(records: Records) -> str:
     return markdown_table(header, [(*place, *cells) for place, cells in rows.items()], words=1)
 
 
+def _calibration(records: Records) -> str:
+    found: dict[str, dict[str, str]] = {}
+    for record in records:
+        found.setdefault(record.workload, {})[record.quantity] = _value(record, two_digits)
+    header = ("known: also sought", *(f"{name}, {unit}".rstrip(", ") for name, unit in QUANTITIES.items()))
+    rows = [(name, *(cells.get(quantity, "") for quantity in QUANTITIES)) for name, cells in found.items()]
+    return markdown_table(header, rows, words=1)
+
+
 def _weno(records: Records) -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for record in records:
@@ -353,6 +363,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "parallel-materials": ("reflectance", _parallel_materials),
     "ambiguity": ("ambiguity", _ambiguity),
     "lamp": ("lamp", _lamp),
+    "calibration": ("calibration", _calibration),
     "weno": ("weno", _weno),
     "folder": ("folder", _folder),
 }

@@ -96,6 +96,20 @@ persfs-cl bench --experiment batch --batch 1,64 --orderings wavefront --device g
 
 Ctrl-C keeps what was measured: the files are written, and the exit status is 130.
 """
+_CALIBRATE_EPILOG = """[bold]Examples[/bold]
+
+persfs-cl calibrate photo.jpg points.csv -o light.toml --light flash --fov 60 --fit gain,exponent
+
+persfs-cl calibrate near.png near.npy far.png far.npy -o light.toml --light flash --focal-length 590 --fit gain,lamp
+
+persfs-cl calibrate board.tif board.npy -o sun.toml --light parallel --fov 40 --fit direction,white
+
+persfs-cl reconstruct another.jpg -o result --config light.toml
+
+[bold]Output[/bold]
+
+The path of the file goes to standard output, and what was found to standard error.
+"""
 _DEVICES_EPILOG = """[bold]Examples[/bold]
 
 persfs-cl devices
@@ -122,6 +136,7 @@ _EPILOGS = {
     "batch": _BATCH_EPILOG,
     "render": _RENDER_EPILOG,
     "compare": _COMPARE_EPILOG,
+    "calibrate": _CALIBRATE_EPILOG,
     "paper": _PAPER_EPILOG,
     "bench": _BENCH_EPILOG,
     "devices": _DEVICES_EPILOG,

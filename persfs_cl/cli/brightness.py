@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -12,7 +12,9 @@ from persfs_cl.cli.numbers import positive
 from persfs_cl.cli.settings import MayBePath
 from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.pipeline.brightness import Brightness
-from persfs_cl.preparation.prepare import Highlights, Normalise
+from persfs_cl.preparation.correct import cosine_power
+from persfs_cl.preparation.prepare import LEAST_EXPONENT, MOST_EXPONENT, Highlights
+from persfs_cl.preparation.prepared import Normalise
 
 _PHOTO = "Brightness of the photo"
 
@@ -39,9 +41,14 @@ def _ambient(text: str) -> float | Path:
     return number
 
 
-def _vignetting(text: str) -> Literal["none", "cos4"] | Path:
-    laws: dict[str, Literal["none", "cos4"]] = {"none": "none", "cos4": "cos4"}
-    return laws.get(text) or Path(text)
+def _vignetting(text: str) -> str | Path:
+    return text if text == "none" or cosine_power(text) is not None else Path(text)
+
+
+def _exponent(value: float) -> float:
+    if not LEAST_EXPONENT <= value <= MOST_EXPONENT:
+        raise typer.BadParameter(f"{value} is no exponent: give a number from {LEAST_EXPONENT:g} to {MOST_EXPONENT:g}.")
+    return value
 
 
 def chosen_brightness(
@@ -68,13 +75,22 @@ def chosen_brightness(
     vignetting: Annotated[
         str,
         typer.Option(
-            metavar="none|cos4|FILE",
-            help="Darkening of the lens away from the middle, to undo: cos4 of the angle to the optical axis, or a "
-            "photo of an evenly lit white plate, or .npy of linear light.",
+            metavar="none|cosN|FILE",
+            help="Darkening of the lens away from the middle, to undo: cos4 for the fourth power of the cosine to the "
+            "optical axis, or another power, or a photo of an evenly lit white plate, or .npy of linear light.",
             rich_help_panel=_PHOTO,
         ),
         MayBePath(_vignetting),
     ] = "none",
+    tone_exponent: Annotated[
+        float,
+        typer.Option(
+            metavar="G",
+            help="Raise linear light to this power, to undo a tone curve that the camera has applied.",
+            callback=_exponent,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = 1.0,
     highlights: Annotated[
         Highlights,
         typer.Option(
@@ -132,6 +148,16 @@ def chosen_brightness(
             rich_help_panel=_PHOTO,
         ),
     ] = None,
+    white_level: Annotated[
+        float | None,
+        typer.Option(
+            metavar="BRIGHTNESS",
+            help="For a parallel light, instead of a percentile: brightness, in linear light, of a white surface that "
+            "faces it.",
+            callback=positive,
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
 ) -> Brightness:
     """What the options tell of the brightness.
 
@@ -142,6 +168,11 @@ def chosen_brightness(
     """
     if normalise == "none" and white_percentile is not None:
         raise typer.BadParameter("nothing is normalised: leave it out.", param_hint="'--white-percentile'")
+    if white_level is not None and (normalise not in (None, "linear") or white_percentile is not None):
+        raise typer.BadParameter(
+            "goes with --normalise linear, instead of --white-percentile: leave one of them out.",
+            param_hint="'--white-level'",
+        )
     return Brightness(
         channel,
         encoding,
@@ -153,4 +184,6 @@ def chosen_brightness(
         mean_filter,
         normalise,
         white_percentile,
+        white_level,
+        tone_exponent,
     )

@@ -129,6 +129,7 @@ def require_fitting(keywords: Options, light: Light, reflectance: Reflectance, b
     for option, value in (
         ("'--normalise'", brightness.normalise),
         ("'--white-percentile'", brightness.white_percentile),
+        ("'--white-level'", brightness.white_level),
     ):
         if value not in (None, "none") and not light.normalised:
             raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)

@@ -30,7 +30,8 @@ from persfs_cl.paper.history import PAPERS_OWN, marching, sweeping
 from persfs_cl.paper.plan import Plan
 from persfs_cl.paper.report import Findings, Table
 from persfs_cl.paper.tables import HERE, PRINTED, PRINTED_TANKUS, TANKUS, error_tables, time_table
-from persfs_cl.preparation.prepare import Normalise, Preparation, PreparedPhoto, prepare_photo
+from persfs_cl.preparation.prepare import Preparation, prepare_photo
+from persfs_cl.preparation.prepared import Normalise, PreparedPhoto
 from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.solver.reconstruct import reconstruct
 from persfs_cl.surface.render import render

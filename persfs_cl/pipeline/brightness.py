@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.maps import read_light
 from persfs_cl.io.photos import Channel, Encoding
-from persfs_cl.preparation.prepare import Highlights, Normalise, Preparation, PreparedPhoto
+from persfs_cl.preparation.prepare import Highlights, Preparation
+from persfs_cl.preparation.prepared import Normalise, PreparedPhoto
 from persfs_cl.shading.model import Light
 from persfs_cl.wording import keyword
 
@@ -28,25 +29,27 @@ class Brightness:
     ----------
     channel, encoding
         As for :func:`persfs_cl.io.photos.read_photo`.
-    ambient, vignetting, highlights, saturation, clip_highlights, mean_filter
+    ambient, vignetting, highlights, saturation, clip_highlights, mean_filter, tone_exponent
         As for :class:`persfs_cl.preparation.prepare.Preparation`, with files instead of arrays.
     normalise : {"linear", "grey", "none"} or None
         Divide by the brightest value, stretch by eq. (2), or leave as it is. None is "linear" for a parallel light;
         for others nothing is normalised.
-    white_percentile : float or None
-        As for :meth:`persfs_cl.preparation.prepare.PreparedPhoto.normalised`.
+    white_percentile, white_level : float or None
+        The `percentile` and the `white` of :meth:`persfs_cl.preparation.prepared.PreparedPhoto.normalised`.
     """
 
     channel: Channel = "luminance"
     encoding: Encoding = "auto"
     ambient: float | Path = 0.0
-    vignetting: Literal["none", "cos4"] | Path = "none"
+    vignetting: str | Path = "none"
     highlights: Highlights = "keep"
     saturation: float | None = None
     clip_highlights: float | None = None
     mean_filter: int = 1
     normalise: Normalise | None = None
     white_percentile: float | None = None
+    white_level: float | None = None
+    tone_exponent: float = 1.0
 
     def preparation(self, shape: tuple[int, int], *, orientation: int = 1) -> Preparation:
         """The same with arrays of the photo's shape, read from the files; `orientation` is the photo's.
@@ -85,13 +88,16 @@ class Brightness:
         done = {"channel": self.channel, **prepared.report}
         done |= {name: str(file) for name, file in vars(self).items() if isinstance(file, Path)}
         if light.normalised:
-            normalised = prepared.normalised(self.normalise or "linear", percentile=self.white_percentile)
+            normalised = prepared.normalised(
+                self.normalise or "linear", percentile=self.white_percentile, white=self.white_level
+            )
             return normalised.image, normalised.unfiltered, {**done, **normalised.report}
-        if self.normalise not in (None, "none") or self.white_percentile is not None:
-            name = "normalise" if self.white_percentile is None else "white_percentile"
+        whites = [name for name in ("white_percentile", "white_level") if getattr(self, name) is not None]
+        if self.normalise not in (None, "none") or whites:
+            name = whites[0] if whites else "normalise"
             raise InputError(
-                f"only a parallel light takes an image between 0 and 1: leave out {keyword('normalise')} and "
-                f"{keyword('white_percentile')}.",
+                f"only a parallel light takes an image between 0 and 1: leave out {keyword('normalise')}, "
+                f"{keyword('white_percentile')} and {keyword('white_level')}.",
                 argument=name,
                 value=getattr(self, name),
             )

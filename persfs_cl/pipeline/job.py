@@ -26,7 +26,8 @@ from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.pipeline.results import PhotoSolution
-from persfs_cl.preparation.prepare import Preparation, PreparedPhoto, prepare_photo
+from persfs_cl.preparation.prepare import Preparation, prepare_photo
+from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight

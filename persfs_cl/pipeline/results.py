@@ -16,7 +16,7 @@ from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.io.photos import Photo
 from persfs_cl.metrics import Errors
-from persfs_cl.preparation.prepare import PreparedPhoto
+from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.surface.saving import PAGE, PREVIEW, Saving
 from persfs_cl.surface.solution import Solution, write_files
 from persfs_cl.surface.solved import Derived
@@ -163,8 +163,8 @@ def write(
 
 def _grey_levels(solved: PhotoSolution) -> dict[str, Any]:
     grey = solved.photo_residual
-    untouched = {"ambient": 0.0, "vignetting": "none"}.items() <= solved.report["photo"].items()
-    itself = "the photo itself" if untouched else "the photo itself, less ambient light and vignetting"
+    untouched = {"tone_exponent": 1.0, "ambient": 0.0, "vignetting": "none"}.items() <= solved.report["photo"].items()
+    itself = "the photo itself" if untouched else "the photo itself, less tone curve, ambient light and vignetting"
     return {
         "compared_with": f"{itself}, neither clipped nor filtered, with the white of the prepared image",
         "mean_error": grey.mean,

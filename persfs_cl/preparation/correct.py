@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -90,17 +93,38 @@ def divide_vignetting(image: ArrayLike, vignetting: ArrayLike, *, mask: ArrayLik
     return np.divide(values, share, out=values.copy(), where=inside)
 
 
-def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
-    """Share of the light that a simple lens lets through, cos⁴ of the angle between viewing ray and optical axis.
+MOST_POWER = 20.0
+"""A lens that darkens by a higher power of the cosine shows hardly anything but the middle."""
 
-    It is (1 + x² + y²)^-2 in normalised coordinates. Lenses of many elements often darken less, and stops and narrow
-    tubes add to it.
+_LAW = re.compile(r"cos(\d{1,2}(?:\.\d{1,9})?)")
+
+
+def cosine_power(law: str) -> float | None:
+    """N of a law "cosN" of vignetting; None of any other text.
+
+    Examples
+    --------
+    >>> from persfs_cl.preparation.correct import cosine_power
+    >>> cosine_power("cos4"), cosine_power("cos2.5"), cosine_power("none")
+    (4.0, 2.5, None)
+    """
+    found = _LAW.fullmatch(law)
+    power = math.inf if found is None else float(found[1])
+    return power if power <= MOST_POWER else None
+
+
+def cosine_vignetting(camera: Camera, shape: tuple[int, int], power: float = 4.0) -> Array:
+    """Share of the light that a lens lets through, a power of the cosine between viewing ray and optical axis.
+
+    It is (1 + x² + y²)^(-power/2) in normalised coordinates. A simple lens has the power 4; lenses of many elements
+    often darken less, and stops and narrow tubes add to it.
 
     Parameters
     ----------
     camera : Camera
     shape : (int, int)
         (height, width) of the image.
+    power : float
 
     Returns
     -------
@@ -113,7 +137,7 @@ def cos4_vignetting(camera: Camera, shape: tuple[int, int]) -> Array:
         As :meth:`Camera.grid <persfs_cl.Camera.grid>`.
     """
     grid = camera.grid(shape)
-    return np.asarray((1.0 + grid.x**2 + grid.y**2) ** -2)
+    return np.asarray((1.0 + grid.x**2 + grid.y**2) ** (-0.5 * power))
 
 
 def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -1,13 +1,12 @@
 """From a photograph to the light that the surface sends, and from there to E.
 
-The steps, in the order in which light meets them backwards: subtract what is there without the lamp, divide by what the
-lens lets through, deal with highlights, smooth. The result is linear light on the scale of the photo, as a light with
-fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
+The steps, in the order in which light meets them backwards: undo a tone curve, subtract what is there without the lamp,
+divide by what the lens lets through, deal with highlights, smooth. The result is linear light on the scale of the
+photo, as a light with fall-off needs it. For a parallel light it is then normalised to E in [0, 1].
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
@@ -16,28 +15,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_array, as_number, check_choice
+from persfs_cl.checks import as_array, as_floats, as_number, check_choice
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Photo
-from persfs_cl.preparation.correct import cos4_vignetting, divide_vignetting, subtract_ambient
-from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
-from persfs_cl.preparation.normalise import (
-    brightest_diffuse,
-    checked,
-    clip_highlights,
-    mean_filter,
-    normalise_grey,
-    normalise_linear,
+from persfs_cl.preparation.correct import (
+    MOST_POWER,
+    cosine_power,
+    cosine_vignetting,
+    divide_vignetting,
+    subtract_ambient,
 )
+from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
+from persfs_cl.preparation.normalise import checked, clip_highlights, mean_filter
+from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.wording import brief, keyword
 
 Highlights = Literal["keep", "mask", "fill"]
-Normalise = Literal["linear", "grey", "none"]
 
 _SATURATED = 0.98
 """Share of the largest number of a file from which a sample counts as saturated; JPEG blurs the exact end."""
 _HALO = 2
 """Pixels around a highlight that go with it."""
+LEAST_EXPONENT, MOST_EXPONENT = 0.1, 10.0
+"""Beyond, a tone curve leaves black and white, or one grey."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +50,10 @@ class Preparation:
         Light that is there without the lamp, and the black level. A number is one of the file's own, such as a grey
         level from 0 to 255 of an 8-bit photo, and is decoded as the photo is. An array is linear light: a second
         photograph without the lamp, as :func:`persfs_cl.read_image` gives it for the same channel.
-    vignetting : {"none", "cos4"} or array_like, shape (H, W)
-        Darkening of the lens away from the middle: none; the law cos⁴ of the angle between viewing ray and optical
-        axis; or linear light from an evenly lit white plate, of which only the shape counts: its largest value is
-        where the lens lets everything through.
+    vignetting : str or array_like, shape (H, W)
+        Darkening of the lens away from the middle: "none"; a power of the cosine between viewing ray and optical axis,
+        such as "cos4", the law of simple lenses, or "cos2.5"; or linear light from an evenly lit white plate, of which
+        only the shape counts: its largest value is where the lens lets everything through.
     highlights : {"keep", "mask", "fill"}
         What becomes of saturated pixels and shiny spots, and two pixels around them: nothing, they are left out, or
         they are filled from their surroundings. What is left out makes holes in the mask, on whose edges
@@ -65,11 +65,14 @@ class Preparation:
         Percentile above which brightness is cut; see :func:`persfs_cl.clip_highlights`.
     mean_filter : int
         Side of the window in pixels; 1 is no filter.
+    tone_exponent : float
+        From 0.1 to 10: the photo's light is raised to this power before all other steps, to undo a tone curve that the
+        camera has applied besides sRGB. Ambient light and white plate come from the same camera, and are raised too.
 
     Raises
     ------
     InputError
-        When a choice is unknown, or `ambient` or `saturation` is an impossible number.
+        When a choice is unknown, or `ambient`, `saturation` or `tone_exponent` is an impossible number.
 
     Examples
     --------
@@ -80,17 +83,32 @@ class Preparation:
     """
 
     ambient: float | ArrayLike = 0.0
-    vignetting: Literal["none", "cos4"] | ArrayLike = "none"
+    vignetting: str | ArrayLike = "none"
     highlights: Highlights = "keep"
     saturation: float | None = None
     clip_highlights: float | None = None
     mean_filter: int = 1
+    tone_exponent: float = 1.0
 
     def __post_init__(self) -> None:
         check_choice("highlights", self.highlights, Highlights)
-        known = isinstance(self.vignetting, str) and self.vignetting in ("none", "cos4")
-        if not known and (isinstance(self.vignetting, str) or as_array("vignetting", self.vignetting).ndim == 0):
-            raise InputError.about("vignetting", self.vignetting, "is unknown: give 'none', 'cos4' or an array.")
+        law = self.vignetting if isinstance(self.vignetting, str) else None
+        known = law is not None and (law == "none" or cosine_power(law) is not None)
+        if not known and (law is not None or as_array("vignetting", self.vignetting).ndim == 0):
+            raise InputError.about(
+                "vignetting",
+                self.vignetting,
+                f"is unknown: give 'none', a power of the cosine up to {MOST_POWER:g}, such as 'cos4', or an array.",
+            )
+        exponent = as_number(
+            "tone_exponent",
+            self.tone_exponent,
+            least=LEAST_EXPONENT,
+            most=MOST_EXPONENT,
+            what="an exponent",
+            hint=", 1 for light that is linear already",
+        )
+        object.__setattr__(self, "tone_exponent", exponent)
         for name in ("ambient", "saturation"):
             value = getattr(self, name)
             if value is None or (name == "ambient" and not isinstance(value, str) and as_array(name, value).ndim):
@@ -101,138 +119,6 @@ class Preparation:
         values = ((field.name, getattr(self, field.name)) for field in fields(self))
         said = (f"{name}={'<array>' if isinstance(value, np.ndarray) else brief(value)}" for name, value in values)
         return f"Preparation({', '.join(said)})"
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedPhoto:
-    """Linear light of a photo, made ready.
-
-    Attributes
-    ----------
-    light : ndarray of float64, shape (H, W)
-        Linear light on the scale of the photo, 0 or more, after every step; anything outside `mask`.
-    unfiltered : ndarray of float64, shape (H, W)
-        The same, less ambient light and without vignetting, but with highlights as they were, and not smoothed.
-    mask : ndarray of bool, shape (H, W)
-        Pixels to solve: those that were asked for, less masked highlights.
-    below_ambient : ndarray of bool, shape (H, W)
-        Pixels darker than the ambient light, which are 0.
-    saturated : ndarray of bool, shape (H, W)
-        Pixels that were too bright for the file.
-    specular : ndarray of bool, shape (H, W)
-        Shiny spots; none where highlights are kept, because they are not looked for.
-    masked, filled : ndarray of bool, shape (H, W)
-        Highlights, with what goes with them, that were left out, or filled from their surroundings.
-    clipped : ndarray of bool, shape (H, W)
-        Pixels that were cut to the percentile.
-    report : mapping
-        What was done and to how many pixels, ready for JSON.
-
-    Examples
-    --------
-    >>> from importlib.resources import files
-    >>> import persfs_cl as ps
-    >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png")
-    >>> prepared = ps.prepare_photo(photo, ps.Camera(focal_length=576.0), ps.Preparation(mean_filter=3))
-    >>> prepared.light.shape, int(prepared.mask.sum()), prepared.report["mean_filter"]
-    ((72, 72), 5184, 3)
-    """
-
-    light: Array
-    unfiltered: Array
-    mask: Mask
-    below_ambient: Mask
-    saturated: Mask
-    specular: Mask
-    masked: Mask
-    filled: Mask
-    clipped: Mask
-    report: Mapping[str, Any]
-
-    def __repr__(self) -> str:
-        height, width = self.light.shape
-        inside = self.light[self.mask]
-        light = f", light {inside.min():.4g} to {inside.max():.4g}" if inside.size else ""
-        return f"<PreparedPhoto, {inside.size} of {width} x {height} pixels{light}>"
-
-    def normalised(self, how: Normalise = "linear", *, percentile: float | None = None) -> NormalisedPhoto:
-        """E in [0, 1], for a parallel light.
-
-        Parameters
-        ----------
-        how : {"linear", "grey", "none"}
-            Divide by the brightest value, stretch by eq. (2), or take the light for E as it is.
-        percentile : float, optional
-            In (0, 100]; the brightest value is this percentile of the pixels to solve, so that a few hot pixels do not
-            set it. Left out, it is 99.5 for "linear" and 100 for "grey".
-
-        Returns
-        -------
-        NormalisedPhoto
-
-        Raises
-        ------
-        InputError
-            When `how` is unknown, `percentile` is impossible or given for "none", or there is no shading.
-
-        Examples
-        --------
-        >>> from importlib.resources import files
-        >>> import persfs_cl as ps
-        >>> photo = ps.read_photo(files("persfs_cl") / "data" / "coin.png")
-        >>> prepared = ps.prepare_photo(photo, ps.Camera(focal_length=576.0))
-        >>> image = prepared.normalised("grey").image
-        >>> float(image.min()), float(image.max())
-        (0.0, 1.0)
-        """
-        black, white, image = 0.0, 1.0, self.light
-        check_choice("how", how, Normalise)
-        if how == "linear":
-            percentile = 99.5 if percentile is None else percentile
-            white = brightest_diffuse(image, mask=self.mask, percentile=percentile)
-            image = normalise_linear(image, mask=self.mask, brightest=white)
-        elif how == "grey":
-            percentile = 100.0 if percentile is None else percentile
-            image = normalise_grey(image, self.mask, percentile=percentile)
-            inside = self.light[self.mask]
-            black, white = float(inside.min()), float(np.percentile(inside, percentile))
-        elif percentile is not None:
-            raise InputError.about(
-                "percentile", percentile, "has no meaning where nothing is normalised: leave it out."
-            )
-        unfiltered = np.clip((self.unfiltered - black) / (white - black), 0.0, 1.0)
-        report = {
-            "normalise": how,
-            "white_percentile": percentile,
-            "black": black,
-            "white": white,
-            "white_pixels": int(np.count_nonzero(image[self.mask] >= 1.0)),
-        }
-        return NormalisedPhoto(image, unfiltered, report)
-
-
-@dataclass(frozen=True, eq=False)
-class NormalisedPhoto:
-    """A photo as E.
-
-    Attributes
-    ----------
-    image : ndarray of float64, shape (H, W)
-        E; what is brighter than the brightest value is 1.
-    unfiltered : ndarray of float64, shape (H, W)
-        :attr:`PreparedPhoto.unfiltered` on the same scale, cut to [0, 1].
-    report : mapping
-        What was done, the linear light that became 0 and 1, and how many pixels are 1, ready for JSON.
-    """
-
-    image: Array
-    unfiltered: Array
-    report: Mapping[str, Any]
-
-    def __repr__(self) -> str:
-        height, width = self.image.shape
-        scale = ", ".join(f"{name}={self.report[name]:.4g}" for name in ("black", "white"))
-        return f"<NormalisedPhoto, {width} x {height} pixels, {self.report['normalise']}, {scale}>"
 
 
 def prepare_photo(
@@ -292,8 +178,10 @@ def prepare_photo(
                 written=f"{number:g}",
             )
     values, inside = checked(photo.image, photo.mask if mask is None else mask)
-    light, below = _without_ambient(photo, values, preparation.ambient, inside)
-    light = _without_vignetting(light, camera, preparation.vignetting, inside)
+    exponent = preparation.tone_exponent
+    light = _raised(values, exponent, inside)
+    light, below = _without_ambient(photo, light, preparation, inside)
+    light = _without_vignetting(light, camera, preparation, inside)
     unfiltered = light
 
     level = preparation.saturation
@@ -304,7 +192,7 @@ def prepare_photo(
     specular = masked = filled = clipped = nowhere
     if preparation.highlights != "keep":
         # In the colour of which the surface itself has least, the colour of the lamp stands out most.
-        specular = find_specular(_decoded(photo, photo.smallest_sample), mask=inside)
+        specular = find_specular(_raised(_decoded(photo, photo.smallest_sample), exponent, inside), mask=inside)
         masked = inside & dilate(saturated | specular, _HALO)
         if preparation.highlights == "fill":
             highlights = masked
@@ -328,6 +216,7 @@ def prepare_photo(
             )
         light = mean_filter(light, preparation.mean_filter, inside)
     report = {
+        "tone_exponent": exponent,
         "ambient": preparation.ambient if isinstance(preparation.ambient, float) else "an array",
         "below_ambient_pixels": int(np.count_nonzero(below)),
         "vignetting": preparation.vignetting if isinstance(preparation.vignetting, str) else "an array",
@@ -353,11 +242,17 @@ def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:
     return np.asarray(levels[samples])
 
 
-def _without_ambient(photo: Photo, values: Array, ambient: float | ArrayLike, inside: Mask) -> tuple[Array, Mask]:
+def _raised(light: Array, exponent: float, inside: Mask) -> Array:
+    """Light without a tone curve; what is outside may hold anything."""
+    return light if exponent == 1.0 else np.asarray(np.power(light, exponent, out=light.copy(), where=inside))
+
+
+def _without_ambient(photo: Photo, values: Array, preparation: Preparation, inside: Mask) -> tuple[Array, Mask]:
+    ambient, exponent = preparation.ambient, preparation.tone_exponent
     if isinstance(ambient, float):
         if ambient == 0:
             return values, np.zeros_like(inside)
-        offset: ArrayLike = photo.linear(ambient)
+        offset: ArrayLike = photo.linear(ambient) ** exponent
     else:
         if photo.channel == "max":
             raise InputError(
@@ -366,19 +261,30 @@ def _without_ambient(photo: Photo, values: Array, ambient: float | ArrayLike, in
                 argument="ambient",
                 value=ambient,
             )
-        offset = ambient
+        offset = _raised_map("ambient", ambient, preparation)
     light, below = subtract_ambient(values, offset, mask=inside)
     if not (light[inside] > 0).any():
         raise InputError("No pixel is brighter than the ambient light: nothing is left. Give a smaller one.")
     return light, below
 
 
-def _without_vignetting(light: Array, camera: Camera, vignetting: str | ArrayLike, inside: Mask) -> Array:
+def _raised_map(name: str, given: ArrayLike, preparation: Preparation) -> ArrayLike:
+    """Ambient light or a white plate, without the tone curve; what cannot be raised stays, and is refused later."""
+    if preparation.tone_exponent == 1.0:
+        return given
+    values = as_floats(name, given)
+    return np.asarray(np.power(values, preparation.tone_exponent, out=values.copy(), where=values > 0.0))
+
+
+def _without_vignetting(light: Array, camera: Camera, preparation: Preparation, inside: Mask) -> Array:
+    vignetting = preparation.vignetting
     if isinstance(vignetting, str):
-        if vignetting == "none":
+        power = cosine_power(vignetting)
+        if power is None:
             return light
-        return divide_vignetting(light, cos4_vignetting(camera, (inside.shape[0], inside.shape[1])), mask=inside)
-    share = as_array("vignetting", vignetting)
+        shape = (inside.shape[0], inside.shape[1])
+        return divide_vignetting(light, cosine_vignetting(camera, shape, power), mask=inside)
+    share = as_array("vignetting", _raised_map("vignetting", vignetting, preparation))
     flat = divide_vignetting(light, share, mask=inside)
     # Another exposure of the plate must not change the scale of the light, which a lamp's gain refers to.
     flat[inside] *= share.max(where=inside, initial=0)

@@ -272,7 +272,7 @@ def test_unexpected_error_keeps_its_traceback(photo: Path, tmp_path: Path, monke
         (("--ambient=small.png",), 1, ("small.png", "(5, 6)")),
         (("--ambient=70000",), 1, ("photo.png", "--ambient 70000 is more than 65535")),
         (("--ambient=65535",), 1, ("photo.png", "No pixel is brighter than the ambient light")),
-        (("--vignetting=cos5",), 1, ("cos5", "does not exist")),
+        (("--vignetting=cos^5",), 1, ("cos^5", "does not exist")),
         (("--vignetting=small.png",), 1, ("small.png", "(5, 6)")),
         (("--vignetting=black.png",), 1, ("photo.png", "vignetting is 0 or so at 720 pixels")),
         (("--highlights=remove",), 2, ("--highlights", "keep", "mask", "fill")),

@@ -19,7 +19,7 @@ from persfs_cl.io.export import write_depth
 from persfs_cl.io.maps import read_depth
 from persfs_cl.io.photos import read_photo
 from persfs_cl.preparation import normalise as grey
-from persfs_cl.preparation.correct import cos4_vignetting
+from persfs_cl.preparation.correct import cosine_vignetting
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
 
 
@@ -62,6 +62,7 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "channel": "luminance",
         "encoding": "srgb",
         "bits": 16,
+        "tone_exponent": 1,
         "ambient": 0,
         "below_ambient_pixels": 0,
         "vignetting": "none",
@@ -315,7 +316,7 @@ def test_camera_from_exif_or_field_of_view(tmp_path: Path) -> None:
 @pytest.mark.parametrize("files", ["arrays", "pictures"])
 def test_ambient_light_and_vignetting_are_undone(files: str, tmp_path: Path) -> None:
     camera = ps.Camera(WIDTH)
-    lens, ambient = cos4_vignetting(camera, (HEIGHT, WIDTH)), np.full((HEIGHT, WIDTH), 0.125)
+    lens, ambient = cosine_vignetting(camera, (HEIGHT, WIDTH)), np.full((HEIGHT, WIDTH), 0.125)
     ambient[3:9, 4:11] = 0.25
     tifffile.imwrite(tmp_path / "photo.tif", 0.5 * SCENE.image * lens + ambient)
     for name, light in (("lens", 0.75 * lens), ("dark", ambient)):
@@ -332,8 +333,38 @@ def test_ambient_light_and_vignetting_are_undone(files: str, tmp_path: Path) -> 
         np.testing.assert_allclose(np.load(tmp_path / "out" / "depth.npy"), expected.depth, rtol=1e-5)
         report = strict(tmp_path / "out" / "report.json")
         assert (report["photo"]["ambient"], report["photo"]["vignetting"]) == (str(dark), str(law))
-        assert "less ambient light and vignetting" in report["grey_levels_photo"]["compared_with"]
+        assert "less tone curve, ambient light and vignetting" in report["grey_levels_photo"]["compared_with"]
         assert report["grey_levels_photo"]["mean_error"] == pytest.approx(report["grey_levels"]["mean_error"], 1e-3)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_tone_curve_and_the_white_level_are_told(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "photo.tif", (0.5 * SCENE.image) ** (1 / 1.4))
+    expected = ps.reconstruct(SCENE.image, ps.Camera(WIDTH))
+    options = ("--tone-exponent=1.4", "--white-level=0.5")
+    assert run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *options).status == 0
+    np.testing.assert_allclose(np.load(tmp_path / "out" / "depth.npy"), expected.depth, rtol=1e-5)
+    said = strict(tmp_path / "out" / "report.json")
+    assert (said["photo"]["tone_exponent"], said["photo"]["white"]) == (1.4, 0.5)
+    assert "less tone curve" in said["grey_levels_photo"]["compared_with"]
+    assert run("batch", tmp_path / "photo.tif", "-o", tmp_path / "many", *FOCAL, *options, "--save=depth").status == 0
+    np.testing.assert_allclose(tifffile.imread(tmp_path / "many" / "photo.tif" / "depth.tiff"), expected.depth, 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--tone-exponent=0",), "0.0 is no exponent: give a number from 0.1 to 10"),
+        (("--white-level=0",), "0.0 is not a finite number above 0"),
+        (("--white-level=1", "--normalise=grey"), "'--white-level': goes with --normalise linear"),
+        (("--white-level=1", "--white-percentile=99"), "instead of --white-percentile: leave one of them out"),
+        (("--white-level=1", "--light=flash"), "'--white-level': under a flash nothing is normalised"),
+    ],
+)
+def test_impossible_tones_are_refused(options: tuple[str, ...], said: str, photo: Path, tmp_path: Path) -> None:
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, *options)
+    assert outcome.status == 2
+    assert said in outcome.stderr
 
 
 @pytest.mark.usefixtures("quick")

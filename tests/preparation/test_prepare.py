@@ -17,7 +17,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.colour import decode_srgb
 from persfs_cl.errors import InputError
 from persfs_cl.io.photos import Photo, read_photo
-from persfs_cl.preparation.correct import cos4_vignetting
+from persfs_cl.preparation.correct import cosine_vignetting
 from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
 
@@ -60,6 +60,7 @@ def test_by_default_nothing_is_done(floats: MapToPhoto) -> None:
     for pixels in ("below_ambient", "saturated", "specular", "masked", "filled", "clipped"):
         assert not getattr(prepared, pixels).any()
     assert json.loads(json.dumps(dict(prepared.report))) == {
+        "tone_exponent": 1.0,
         "ambient": 0.0,
         "below_ambient_pixels": 0,
         "vignetting": "none",
@@ -78,12 +79,57 @@ def test_by_default_nothing_is_done(floats: MapToPhoto) -> None:
 def test_the_law_of_vignetting_is_the_cosine_between_ray_and_axis() -> None:
     rays = np.stack([(COLUMNS - 12) / 50, (ROWS - 20) / 60, np.ones(SHAPE)], axis=-1)
     cosine = rays[..., 2] / np.linalg.norm(rays, axis=-1)
-    np.testing.assert_allclose(cos4_vignetting(CAMERA, SHAPE), cosine**4, rtol=1e-14)
-    assert cos4_vignetting(CAMERA, SHAPE)[20, 12] == 1
+    np.testing.assert_allclose(cosine_vignetting(CAMERA, SHAPE), cosine**4, rtol=1e-14)
+    assert cosine_vignetting(CAMERA, SHAPE)[20, 12] == 1
+
+
+@pytest.mark.parametrize("power", [0.0, 2.5, 4.0])
+def test_the_power_of_the_law_can_be_told(floats: MapToPhoto, power: float) -> None:
+    photo = floats(SURFACE * cosine_vignetting(CAMERA, SHAPE) ** (power / 4.0))
+    prepared = prepare_photo(photo, CAMERA, Preparation(vignetting=f"cos{power:g}"))
+    np.testing.assert_allclose(prepared.light, SURFACE, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["cos", "cos-1", "cos21", "cos4.", "cosine", "cos1e1"])
+def test_no_other_text_is_a_law(law: str) -> None:
+    with pytest.raises(InputError, match=r"vignetting='.*' is unknown: give 'none', a power of the cosine up to 20"):
+        Preparation(vignetting=law)
+
+
+@pytest.mark.parametrize("ambient", ["number", "array"])
+def test_a_tone_curve_is_undone_before_all_else(floats: MapToPhoto, ambient: str) -> None:
+    lens = cosine_vignetting(CAMERA, SHAPE)
+    photo = floats((SURFACE * lens + 0.09) ** (1 / 1.5))
+    dark = 0.09 ** (1 / 1.5)
+    given = dark if ambient == "number" else np.full(SHAPE, dark)
+    plate = lens ** (1 / 1.5)
+    prepared = prepare_photo(photo, CAMERA, Preparation(ambient=given, vignetting=plate, tone_exponent=1.5))
+    np.testing.assert_allclose(prepared.light, SURFACE * lens[20, 12], rtol=1e-12)
+    by_law = prepare_photo(photo, CAMERA, Preparation(ambient=given, vignetting="cos4", tone_exponent=1.5))
+    np.testing.assert_allclose(by_law.light, SURFACE, rtol=1e-12)
+    assert by_law.report["tone_exponent"] == 1.5
+
+
+@pytest.mark.parametrize("exponent", [0.0, 11.0, float("nan"), "2"])
+def test_an_impossible_exponent_is_refused(exponent: Any) -> None:
+    with pytest.raises(InputError, match=r"tone_exponent=.* is not an exponent: give a finite number from 0\.1 to 10"):
+        Preparation(tone_exponent=exponent)
+
+
+def test_a_white_level_takes_the_place_of_a_percentile(floats: MapToPhoto) -> None:
+    prepared = prepare_photo(floats(SURFACE), CAMERA)
+    normalised = prepared.normalised(white=0.4)
+    np.testing.assert_allclose(normalised.image, np.minimum(SURFACE / 0.4, 1.0), rtol=1e-14)
+    assert (normalised.report["white"], normalised.report["white_percentile"]) == (0.4, None)
+    for keywords in ({"how": "grey"}, {"how": "none"}, {"percentile": 99.0}):
+        with pytest.raises(InputError, match=r'white=0\.4 goes with "linear", instead of a percentile'):
+            prepared.normalised(white=0.4, **keywords)
+    with pytest.raises(InputError, match=r"white=0\.0 is not a brightness"):
+        prepared.normalised(white=0.0)
 
 
 def test_vignetting_of_a_uniform_plate_is_undone(floats: MapToPhoto) -> None:
-    photo = floats(0.37 * cos4_vignetting(CAMERA, SHAPE))
+    photo = floats(0.37 * cosine_vignetting(CAMERA, SHAPE))
     prepared = prepare_photo(photo, CAMERA, Preparation(vignetting="cos4"))
     np.testing.assert_allclose(prepared.light, 0.37, rtol=1e-12)
     np.testing.assert_array_equal(prepared.unfiltered, prepared.light)
@@ -124,7 +170,7 @@ def test_a_level_of_ambient_light_is_that_of_each_colour(bytes_: MapToPhoto, cha
 
 
 def test_a_photo_without_the_lamp_is_subtracted_before_the_lens_is_undone(floats: MapToPhoto) -> None:
-    lens = cos4_vignetting(CAMERA, SHAPE)
+    lens = cosine_vignetting(CAMERA, SHAPE)
     ambient = 0.125 * (1 + np.sin(ROWS))
     photo = floats(SURFACE * lens + ambient)
     prepared = prepare_photo(photo, CAMERA, Preparation(ambient=ambient, vignetting="cos4"))
@@ -254,7 +300,7 @@ def test_transparent_pixels_are_left_out_unless_a_mask_is_given(tmp_path: Path) 
     ("options", "reason"),
     [
         ({"highlights": "remove"}, "highlights='remove' is unknown: choose .keep., .mask. or .fill."),
-        ({"vignetting": "cos5"}, "vignetting='cos5' is unknown"),
+        ({"vignetting": "cos^5"}, "vignetting='cos.5' is unknown"),
         ({"vignetting": 0.5}, r"vignetting=0\.5 is unknown"),
         ({"ambient": -1}, "ambient=-1 is not a brightness"),
         ({"ambient": math.nan}, "ambient=nan"),
