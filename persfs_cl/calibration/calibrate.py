@@ -20,6 +20,7 @@ from persfs_cl.calibration.validation import validated
 from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_number, check_choice, unlike
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.guide.guide import Points
 from persfs_cl.io.photos import Photo
 from persfs_cl.preparation.correct import cosine_power
 from persfs_cl.preparation.prepare import Preparation
@@ -33,7 +34,7 @@ from persfs_cl.wording import keyword
 
 
 def calibrate(
-    pairs: Iterable[tuple[Any, ArrayLike]],
+    pairs: Iterable[tuple[Any, ArrayLike | Points]],
     camera: Camera | Sequence[Camera],
     *,
     fit: str | Iterable[str] | None = None,
@@ -56,9 +57,9 @@ def calibrate(
     ----------
     pairs : iterable of (photo, truth)
         A photo is a :class:`Photo` as :func:`read_photo` returns it, or an array of linear light, shape (H, W), NaN
-        where there is none. A truth is a depth map of that shape, NaN where unknown, or points of shape (n, 3), the
-        column, row and depth of each, as :func:`persfs_cl.io.read_points` returns them. Light that fades with distance
-        is told by either, any other by a map alone.
+        where there is none. A truth is a depth map of that shape, NaN where unknown, or :class:`Points`, or points of
+        shape (n, 3), the column, row and depth of each, as :func:`persfs_cl.io.read_points` returns them. Light that
+        fades with distance is told by either, any other by a map alone.
     camera : Camera or sequence of Camera
         One for all, or one a photo.
     fit : str or iterable of str

@@ -18,6 +18,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import FARTHEST, NEAREST, as_floats, as_mask, unlike
 from persfs_cl.errors import InputError
+from persfs_cl.guide.guide import Points
 from persfs_cl.io.photos import Photo
 from persfs_cl.maps import as_depth, as_image
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
@@ -189,6 +190,8 @@ def _as_photo(given: Any) -> Photo:
 def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Array]:
     """The dense map, if it is one, and all points, both of the reduced image."""
     shape = pair.mask.shape
+    if isinstance(given, Points):
+        given = np.stack([given.columns, given.rows, given.depths], axis=1)
     values = as_floats("truth", given)
     if values.shape == shape:
         return _from_map(as_depth("truth", values), pair, normals)
@@ -196,8 +199,8 @@ def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Arra
         raise unlike(
             "truth",
             given,
-            f"has shape {values.shape}: give a depth map of the photo's shape {shape}, or points of shape (n, 3), with "
-            "column, row and depth of each.",
+            f"has shape {values.shape}: give a depth map of the photo's shape {shape}, persfs_cl.Points, or an array "
+            "of shape (n, 3), with column, row and depth of each point.",
         )
     if normals == "truth":
         raise InputError.about(

@@ -27,11 +27,12 @@ from persfs_cl.cli.output import check_file
 from persfs_cl.cli.settings import settings_of
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import InputError
+from persfs_cl.guide.guide import Points
 from persfs_cl.io.files import atomic_path
 from persfs_cl.io.maps import read_depth, read_mask
 from persfs_cl.io.photos import Photo, read_photo
-from persfs_cl.io.points import read_points
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -57,7 +58,7 @@ def calibrate(
         typer.Argument(
             metavar="PHOTO TRUTH...",
             help="Photos, and after each what is known of its depth: a depth map of its size, .npy or .tiff, NaN where "
-            "unknown; or points, .csv or .json of column, row and depth.",
+            "unknown; or points, .csv or .json of column, row and depth, .ply or COLMAP's points3D.txt.",
         ),
     ],
     output: Annotated[
@@ -119,7 +120,7 @@ def calibrate(
     except InputError as error:
         raise WrongOption(error, "'--fit'") from error
     check_file(output, (".toml",), overwrite=overwrite)
-    read = [_read(photo, truth, brightness) for photo, truth in zip(photos, truths, strict=True)]
+    read = [_read(photo, truth, brightness, camera) for photo, truth in zip(photos, truths, strict=True)]
     shapes = [(photo.image.shape[0], photo.image.shape[1]) for photo, _ in read]
     preparations = [
         brightness.preparation(shape, orientation=photo.orientation)
@@ -156,11 +157,12 @@ def calibrate(
         console.print(part)
 
 
-def _read(path: Path, truth: Path, brightness: Brightness) -> tuple[Photo, Array]:
+def _read(path: Path, truth: Path, brightness: Brightness, camera: CameraChoice) -> tuple[Photo, Array | Points]:
     photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding, keep_nan=True)
     shape = (photo.image.shape[0], photo.image.shape[1])
-    is_map = truth.suffix.lower() in _MAPS
-    return photo, read_depth(truth, shape, orientation=photo.orientation) if is_map else read_points(truth)
+    if truth.suffix.lower() in _MAPS:
+        return photo, read_depth(truth, shape, orientation=photo.orientation)
+    return photo, GuideFile(truth).read(path, camera.of(path, shape)[0], shape)
 
 
 @contextmanager

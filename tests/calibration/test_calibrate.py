@@ -74,7 +74,7 @@ def test_gain_tone_and_lamp_are_found_from_a_hundred_points() -> None:
         for seed, depth in ((0, NEAR), (1, FAR))
     ]
     calibration = ps.calibrate(pairs, CAMERA, fit="gain,exponent,lamp")
-    assert lamp_of(calibration).gain * white == pytest.approx(1.0, abs=0.01)
+    assert lamp_of(calibration).known_gain * white == pytest.approx(1.0, abs=0.01)
     assert calibration.exponent == pytest.approx(1.2, abs=0.03)
     apart = np.subtract(lamp_of(calibration).offset, LAMP)
     assert np.linalg.norm(apart) <= 0.02
@@ -230,6 +230,8 @@ def test_two_points_tell_the_gain() -> None:
     photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=0.8))
     calibration = ps.calibrate([(photo, points(NEAR, 2, 0, noise=0.0))], CAMERA)
     assert calibration.values["gain"] == pytest.approx(0.8, rel=0.02)
+    same = ps.calibrate([(photo, ps.Points(*points(NEAR, 2, 0, noise=0.0).T))], CAMERA)
+    assert same.values == calibration.values
 
 
 def test_without_fall_off_the_gain_is_told_by_a_map() -> None:
