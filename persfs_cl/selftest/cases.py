@@ -15,7 +15,7 @@ from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
 from persfs_cl.shading.reflectance import Reflectance
 
-Kind = Literal["sweeps", "shared image", "second order", "render", "rate", "copy"]
+Kind = Literal["sweeps", "shared image", "second order", "render", "smoothing", "rate", "copy"]
 
 FIRST = "lexicographic"
 ORDERINGS = (FIRST, *(name for name in REGISTERED if name != FIRST))
@@ -40,7 +40,8 @@ class Case:
     ----------
     kind : str
         "sweeps" against the reference; a "shared image", large enough for several work-groups; "second order" against
-        a surface known exactly; "render", the forward model; and the measurements "rate", of sweeps, and "copy".
+        a surface known exactly; "render", the forward model; "smoothing" of what a guide says; and the measurements
+        "rate", of sweeps, and "copy".
     precision : {"float32", "float64"}
     ordering : str
         Empty where nothing is swept.
@@ -79,6 +80,8 @@ class Case:
             return "copy"
         if self.kind == "rate":
             return "rate of sweeps"
+        if self.kind == "smoothing":
+            return "smoothing along edges"
         parts = [self.light, self.material]
         if self.kind == "render":
             return ", ".join(["render", *parts])
@@ -114,6 +117,7 @@ def _first() -> Iterator[Case]:
         for ordering in ORDERINGS:
             yield Case("sweeps", precision, ordering, surface="toward")
         yield Case("render", precision)
+        yield Case("smoothing", precision)
     for precision in PRECISIONS:
         for ordering in ORDERINGS:
             yield Case("sweeps", precision, ordering, "flash", scheme="upwind")

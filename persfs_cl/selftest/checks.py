@@ -15,12 +15,14 @@ from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.ordering import Setup
 from persfs_cl._cl.probes import copier, device_seconds
 from persfs_cl._cl.selftest import explain
+from persfs_cl._cl.smoothing import Smoother
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench.workloads import iterations, smooth_problem
 from persfs_cl.bench.workloads import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.selftest.cases import FIRST, Case
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
+from persfs_cl.selftest.smoothing import noisy_plates, smoothed_plainly
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
 from persfs_cl.solver.schemes import SCHEMES
@@ -40,6 +42,7 @@ _SECOND_ORDER_SHARE = 0.6
 """Of the error at first order, which the correction must undercut."""
 
 _RENDERED = (23, 31)
+_SMOOTHED = (23, 38)
 _RATE_SIZES = {"cpu": 512, "gpu": 2048, "other": 512}
 _SERIAL_SIZE = 96
 """The lexicographic ordering has one work-item, which on a GPU is slow."""
@@ -113,6 +116,7 @@ class Checks:
             "shared image": self._shared_image,
             "second order": self._second_order,
             "render": self._render,
+            "smoothing": self._smoothing,
             "rate": self._rate,
             "copy": self._copy,
         }[case.kind]
@@ -193,6 +197,20 @@ class Checks:
         if (np.isnan(image) != np.isnan(expected)).any():
             outcome.fail("pixels are rendered that show no surface, or are not that do")
         outcome.compare("brightnesses", _apart(image, expected), TOLERANCES[case.precision])
+
+    def _smoothing(self, case: Case, outcome: Outcome) -> None:
+        """Residuals smoothed along edges, against NumPy."""
+        given = noisy_plates(_SMOOTHED)
+        smoother = Smoother(self.device, case.precision, given.right, given.below)
+
+        def smoothed() -> NDArray[np.float64]:
+            return smoother.smoothed(given.start, given.target, given.votes, given.noise)
+
+        found, seconds = _timed(smoothed)
+        self.compiled()
+        _, again = _timed(smoothed)
+        outcome.compile_seconds = max(0.0, seconds - again)
+        outcome.compare("residuals", _apart(found, smoothed_plainly(given)), TOLERANCES[case.precision])
 
     def _rate(self, case: Case, outcome: Outcome) -> None:
         """Cell updates a second, over whole iterations."""
