@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.checks import FARTHEST, NEAREST, as_floats, unlike
+from persfs_cl.checks import FARTHEST, NEAREST, as_floats, unlike, warn
 from persfs_cl.choices import GuideKind, GuideScale
 from persfs_cl.errors import InputError
 from persfs_cl.guide.cells import Cells
@@ -18,6 +19,8 @@ from persfs_cl.wording import keyword
 
 _MOST_PIXELS = 2**30
 _FARTHEST_PIXEL = 1e9
+_STRETCHED = 0.03
+"""Logarithm of a ratio that cells may be longer along one side."""
 _LEAST = {"fixed": 1, "fit": 1, "affine": 3}
 """Cells that tell the scale."""
 
@@ -100,6 +103,11 @@ class Guide:
         ------
         InputError
             When it is no guide, or says too little of these pixels.
+
+        Warns
+        -----
+        UserWarning
+            When a map has another ratio of sides than the image.
         """
         affine = scale == "affine"
         if isinstance(given, Points):
@@ -114,6 +122,7 @@ class Guide:
                     f"is {values.dtype} of shape {values.shape}: give numbers of shape (height, width), of any size "
                     "over the same view, NaN where nothing is known, or persfs_cl.Points.",
                 )
+            _warn_of_another_view(values.shape, wanted.shape)
             cells = Cells.of_map(_checked(given, as_floats("guide", values), kind, affine=affine), wanted)
         if cells.count < _LEAST[scale]:
             few = "nothing" if cells.count == 0 else f"{cells.count} values"
@@ -132,6 +141,17 @@ class Guide:
             logarithm = np.log(linear)
         logarithm[~(linear > 0.0)] = np.nan
         return np.asarray(-logarithm if self.kind == "inverse" else logarithm)
+
+
+def _warn_of_another_view(shape: tuple[int, ...], image_shape: tuple[int, ...]) -> None:
+    (rows, columns), (height, width) = shape, image_shape
+    apart = abs(math.log(height / rows / (width / columns)))
+    # Sides are whole numbers of cells.
+    if apart > _STRETCHED + 1.0 / rows + 1.0 / columns:
+        warn(
+            f"{keyword('guide')} has {columns} x {rows} cells for an image of {width} x {height} pixels, whose sides "
+            f"have another ratio, by a factor of {math.exp(apart):.3g}: see that both show the same view, uncropped."
+        )
 
 
 def _checked(given: Any, values: Array, kind: GuideKind, *, affine: bool) -> Array:

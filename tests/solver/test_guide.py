@@ -163,6 +163,11 @@ def test_a_contradiction_is_told() -> None:
     assert np.nanmedian(found.depth / BALLS.depth) > 1.1
 
 
+def test_another_view_is_told() -> None:
+    with pytest.warns(PersfsWarning, match="guide has 20 x 15 cells for an image of 120 x 120.*uncropped"):
+        solved(BALLS, guide=GUIDE[2:17])
+
+
 @pytest.mark.parametrize("scheme", ["upwind", "lax-friedrichs"])
 @pytest.mark.parametrize("surface", ["away", "toward"])
 @pytest.mark.parametrize("light", [ps.ParallelLight(0.3, -0.1), ps.FlashLight(falloff=False)])
