@@ -9,6 +9,7 @@ other tests has strips of a single vector; what processes of their own run is as
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import warnings
@@ -100,6 +101,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if not item.get_closest_marker("thorough")]
     config.hook.pytest_deselected(items=left_out)
     config.stash[_LEFT_OUT] = len(left_out)
+
+
+def pytest_collection_finish() -> None:
+    # What stays to the end is left out when unused objects are looked for: that takes most of a second with thousands
+    # of tests, and imageio has it done for each video that it closes.
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
