@@ -71,6 +71,8 @@ def test_iterations_equal_the_reference(
     assert np.abs(free.log_depth - reference.log_depth)[problem.domain.solved].max() > 0.01
 
 
+# The bounds of double precision are those of other orderings.
+@pytest.mark.quick_where(holds=lambda given: given["precision"] == "float32")
 def test_colours_equal_the_reference(device: Device, precision: str) -> None:
     problem = random_problem(3, (23, 38), boundary="wall", light=ParallelLight(0.3, -0.2), bounded=True)
     reference, kernel = Reference.of(problem), sweeper(problem, device, precision, "checkerboard")
@@ -89,7 +91,8 @@ def test_colours_equal_the_reference(device: Device, precision: str) -> None:
 def test_the_limit_is_that_of_the_obstacle_problem(device: Device, name: str) -> None:
     """Each value is the larger of its bound and its lowest candidate by the reference, unless it kept the start."""
     problem = random_problem(5, (12, 17), boundary="wall", bounded=True, **UPWIND[name])
-    kernel = sweeper(problem, device, "float64", "wavefront")
+    # The bits of the wavefront, see below, by programs that are compiled in half the time.
+    kernel = sweeper(problem, device, "float64", "lexicographic")
     assert kernel.run(200)[-1] <= 1e-13
     values = kernel.log_depth()[0].astype(np.float64)
     assert_bounded(problem, values)
@@ -113,21 +116,21 @@ def test_the_limit_is_that_of_the_obstacle_problem(device: Device, name: str) ->
         or (given["name"], given["precision"], given["ordering"]) == ("frontal away", "float64", STRIPS)
     )
 )
+@pytest.mark.quick_where(holds=lambda given: given["rests"] or given["ordering"] is STRIPS)
+@pytest.mark.parametrize("rests", [True, False])
 @pytest.mark.parametrize("ordering", ORDERINGS, ids=str)
 @pytest.mark.parametrize("name", ["upwind oblique toward", "upwind flash", "frontal away"])
 def test_all_orderings_give_the_bits_of_lexicographic(
-    device: Device, precision: str, ordering: Ordering, name: str
+    device: Device, precision: str, ordering: Ordering, name: str, rests: bool
 ) -> None:
     given = {"surface": "away"} if name == "frontal away" else UPWIND[name]
     for seed, shape in enumerate([(1, 9), (9, 2), (37, 70)]):
         problem = random_problem(seed, shape, boundary="wall", bounded=True, **given)
         one = sweeper(problem, device, precision, "lexicographic")
-        other, tireless = (sweeper(problem, device, precision, ordering, rests=rests) for rests in (True, False))
+        other = sweeper(problem, device, precision, ordering, rests=rests)
         for _ in range(4):
-            changes = [each.run(3) for each in (one, other, tireless)]
-            for change, each in zip(changes[1:], (other, tireless), strict=True):
-                np.testing.assert_array_equal(change, changes[0])
-                np.testing.assert_array_equal(each.log_depth(), one.log_depth())
+            np.testing.assert_array_equal(other.run(3), one.run(3))
+            np.testing.assert_array_equal(other.log_depth(), one.log_depth())
 
 
 @pytest.mark.quick_where(holds=lambda given: not given["only_lower"])
