@@ -47,7 +47,7 @@ PRECISION_IN_TURN = {
     "flash on a shiny surface": "float64",
     "upwind flash": "float32",
     "upwind flash on a rough surface": "float64",
-    "upwind lamp beside": "float64",
+    "upwind lamp beside": "float32",
     "upwind lamp beside a rough surface": "float32",
     "upwind flash on a shiny surface": "float32",
     "upwind headlight": "float64",
@@ -56,6 +56,7 @@ PRECISION_IN_TURN = {
 
 By all orderings in the same one, so that tests share programs. Those under a parallel light run in both.
 """
+PARALLEL_UPWIND = list(UPWIND)[:4]
 OTHER_MATERIALS = [
     "flash on a rough surface",
     "upwind flash on a rough surface",
@@ -73,6 +74,12 @@ def in_turn(parameters: Mapping[str, Any]) -> bool:
 def one_material_in_turn(parameters: Mapping[str, Any]) -> bool:
     """The same of a test of orderings."""
     return parameters["name"] not in OTHER_MATERIALS and in_turn(parameters)
+
+
+def coloured_in_turn(parameters: Mapping[str, Any]) -> bool:
+    """The same of a test of the checkerboard, whose vectors do not know the scheme: upwind in one precision."""
+    in_the_other = parameters["precision"] == "float64" and parameters["name"] in PARALLEL_UPWIND
+    return one_material_in_turn(parameters) and not in_the_other
 
 
 def random_problem(

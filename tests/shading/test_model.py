@@ -334,7 +334,7 @@ class TestMaterialsUnderAParallelLight:
     @pytest.mark.parametrize(
         "material", [pytest.param(ps.OrenNayar(0.4), marks=pytest.mark.thorough), ps.Phong()], ids=str
     )
-    @pytest.mark.parametrize("boundary", ["wall", "outflow"])
+    @pytest.mark.parametrize("boundary", ["wall", pytest.param("outflow", marks=pytest.mark.thorough)])
     def test_the_orderings_agree(self, device: ps.Device, precision: str, material: Reflectance, boundary: str) -> None:
         scene = ps.hillside(shape=(25, 30), light=self.OBLIQUE, reflectance=material, focal_length=90.0, relief=0.05)
         mask = np.random.default_rng(3).uniform(size=scene.image.shape) > 0.05
