@@ -40,6 +40,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 _LEFT_OUT = pytest.StashKey[int]()
+_OF_KERNELS = ("_cl", "selftest", "shading", "solver", "bench", "fuzz")
+"""Folders of tests that take the same programs: one after the other, so that one process compiles, or loads, most."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -95,6 +97,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             mark.kwargs["holds"](item.callspec.params) for mark in item.iter_markers("quick_where")
         ):
             item.add_marker("thorough")
+    items.sort(key=lambda item: item.path.parent.name not in _OF_KERNELS)
     if config.option.thorough or config.option.markexpr or any("::" in argument for argument in config.args):
         return
     left_out = [item for item in items if item.get_closest_marker("thorough")]

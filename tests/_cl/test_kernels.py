@@ -16,7 +16,6 @@ from problems import (
     OBLIQUE,
     OTHER_MATERIALS,
     UPWIND,
-    coloured_in_turn,
     fitted,
     in_turn,
     one_material_in_turn,
@@ -61,7 +60,6 @@ LAMPS = [name for name in UPWIND if name.startswith("upwind lamp")]
 both_ways = pytest.mark.parametrize("surface", ["away", "toward"])
 thorough = pytest.mark.thorough
 kernels_take_turns = pytest.mark.quick_where(holds=one_material_in_turn)
-colours_take_turns = pytest.mark.quick_where(holds=coloured_in_turn)
 
 
 def assert_close(device_values: np.ndarray, expected: np.ndarray, precision: str) -> None:
@@ -150,7 +148,7 @@ def two_sweeps_of_the_coloured_reference(name: str) -> list[np.ndarray]:
     return values
 
 
-@colours_take_turns
+@kernels_take_turns
 @pytest.mark.parametrize("name", SETUPS)
 def test_each_checkerboard_sweep_equals_the_reference(device: Device, precision: str, name: str) -> None:
     kernel = sweeper(coloured_problem(name), device, precision, "checkerboard")
@@ -226,6 +224,8 @@ def assert_same_bits(problem: Problem, device: Device, precision: str, *, linear
         np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
 
 
+# Which way the surface goes is a number to the kernels.
+@pytest.mark.quick_where(holds=lambda given: (given["precision"] == "float64") == (given["surface"] == "toward"))
 @both_ways
 @pytest.mark.parametrize("shape", SIZES)
 def test_wavefront_gives_the_bits_of_lexicographic(
@@ -279,7 +279,8 @@ IN_ONE_PRECISION: dict[Ordering, str] = {
     SMALL_TILES: "",
     # What several vectors have to do with each other is in the file that strips and images have in common.
     **{ordering: "" for (vectors, _), ordering in STRIPS.items() if vectors == 3},
-    **{ordering: "float32" for (vectors, _), ordering in IMAGES.items() if vectors == 3},
+    # Which the processes of a batch have: see test_numbers_are_those_of_one_by_one_to_the_bit.
+    **{ordering: "" for (vectors, _), ordering in IMAGES.items() if vectors == 3},
     NARROW_STRIPS[0]: "",
     NARROW_STRIPS[1]: "",
     # Double precision has fewer lanes than single precision.
@@ -289,7 +290,6 @@ IN_ONE_PRECISION: dict[Ordering, str] = {
     Checkerboard(2): "",
     Checkerboard(4): "",
     Checkerboard(8): "float32",
-    BANDS[4]: "float32",
     NARROW_BANDS[0]: "float32",
     NARROW_BANDS[1]: "",
 }
@@ -355,8 +355,8 @@ def test_tunings_give_the_bits_of_lexicographic_at_second_order(
     assert_lexicographic_bits(device, precision, ordering, "upwind oblique toward", largest=140)
 
 
-@pytest.mark.quick_where(holds=lambda given: one_material_in_turn({**given, "precision": given["real"]}))
-@pytest.mark.quick_where(holds=lambda given: given["name"] not in HEADLIGHT)
+# Under other lights the surfaces of second order are as exact as they should be, and those before have these programs.
+@pytest.mark.quick_where(holds=lambda given: given["name"] in list(UPWIND)[:4] and given["real"] == "float32")
 @pytest.mark.parametrize(("real", "only_lower"), [("float32", False), ("float64", True)])
 @pytest.mark.parametrize("name", [*UPWIND, *HEADLIGHT])
 def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
@@ -546,7 +546,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, orde
     """Each has its own mask, boundary, known values, start and end."""
     boundary: Boundary = "wall" if name in UPWIND else "outflow"
     problems = [
-        random_problem(seed, (29, 22), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
+        random_problem(seed, (29, 22), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in (0, 2, 4)
     ]
 
     def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:
@@ -653,9 +653,7 @@ def test_work_left_undone_is_an_error(device: Device, ordering: Ordering) -> Non
         kernel.run(1)
 
 
-@pytest.mark.quick_where(
-    holds=lambda given: (coloured_in_turn if given["ordering"] == "checkerboard" else one_material_in_turn)(given)
-)
+@kernels_take_turns
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
 @pytest.mark.parametrize(
     ("boundary", "name"),
@@ -676,7 +674,7 @@ def test_values_never_rise(device: Device, precision: str, ordering: str, bounda
         before = after
 
 
-@colours_take_turns
+@kernels_take_turns
 @pytest.mark.parametrize("name", ["oblique away", "oblique toward", "flash on a shiny surface", *UPWIND])
 def test_checkerboard_has_the_fixed_point_of_the_wavefront(device: Device, precision: str, name: str) -> None:
     # State constraints keep the scheme monotone; eq. (12) does not, and its limit may depend on the order of the cells.

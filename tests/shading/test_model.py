@@ -24,9 +24,8 @@ each_material = pytest.mark.parametrize("material", MATERIALS, ids=lambda materi
 
 
 def materials_in_turn(parameters: Mapping[str, Any]) -> bool:
-    """Whether a test is a quick one: rough materials in single precision, shiny ones in double, matt ones in both."""
-    other = "float64" if isinstance(parameters["material"], ps.OrenNayar) else "float32"
-    return isinstance(parameters["material"], ps.Lambertian) or bool(parameters["precision"] != other)
+    """Whether a test is a quick one: shiny materials in double precision, others in single."""
+    return bool((parameters["precision"] == "float64") == isinstance(parameters["material"], ps.Phong))
 
 
 materials_take_turns = pytest.mark.quick_where(holds=materials_in_turn)

@@ -400,6 +400,10 @@ def bunny(turn: float, light: Light) -> Scene:
     return mesh_scene(stanford_bunny(), (270, 270), up="z", turn=turn, focal_length=295.0, light=light)
 
 
+# Each two of the turn, the width and the light meet.
+@pytest.mark.quick_where(
+    holds=lambda given: (given["turn"] == 60.0) ^ (given["width"] == 1) ^ isinstance(given["light"], ps.FlashLight)
+)
 @pytest.mark.parametrize("light", [FLASH, ps.ParallelLight(0.3, -0.2)])
 @pytest.mark.parametrize(("width", "most_wrong"), [(1, 0.1), (3, 0.2)])
 @pytest.mark.parametrize("turn", [60.0, 270.0])
