@@ -26,7 +26,7 @@ def side_by_side(device: ps.Device, scene: ps.Scene) -> dict[str, Record]:
         for scheme, keywords in SCHEMES.items():
             if keywords["scheme"] == "upwind":
                 # A few iterations, by what is compiled most quickly.
-                changed.setitem(alternatives.SCHEMES, scheme, {**keywords, "ordering": "lexicographic"})
+                changed.setitem(SCHEMES, scheme, {**keywords, "ordering": "lexicographic"})
         records = alternatives._side_by_side(Plan(device), "some", scene)
     return dict(zip(NAMES, records, strict=True))
 

@@ -164,13 +164,13 @@ def test_bounds_across_the_surface_are_kept_to_in_every_order(
 @pytest.mark.parametrize("light", [FLASH, OBLIQUE])
 def test_the_surface_is_that_of_the_reference(light: Light, surface: Surface) -> None:
     """The obstacle problem, by the paper's scheme in plain NumPy."""
-    scene = ps.bump((9, 11), light=light, surface=surface)
+    scene = ps.bump((7, 9), light=light, surface=surface)
     chosen: Surface = "away" if light.determines_depth else surface
     options = complete({"light": light, "scheme": "lax-friedrichs", "surface": chosen, "boundary": "wall"})
-    known = np.where(np.arange(11) < 1, scene.depth, np.nan)
+    known = np.where(np.arange(9) < 1, scene.depth, np.nan)
     middle = float(np.median(scene.depth))
-    bounds = np.array([[np.nan] * 6 + [middle] * 3 + [np.nan] * 2, [np.nan] * 5 + [1.1 * middle] * 6])
-    near, far = (np.broadcast_to(bound, (9, 11)) for bound in bounds)
+    bounds = np.array([[np.nan] * 5 + [middle] * 3 + [np.nan], [np.nan] * 4 + [1.1 * middle] * 5])
+    near, far = (np.broadcast_to(bound, (7, 9)) for bound in bounds)
     problem = prepare(scene.image, scene.camera, None, None, known, None, (near, far), options=options)
     reference = Reference.of(problem)
     while reference.iterate() > 1e-9:

@@ -27,7 +27,7 @@ def hill(size: int, material: Reflectance = MATERIALS[0], **keywords: Any) -> Sc
     return ps.hillside((size, size), surface="toward", light=FLASH, reflectance=material, **keywords)
 
 
-def order(material: Reflectance) -> dict[str, str]:
+def order(material: Reflectance) -> dict[str, Any]:
     """The default for matt surfaces; for others the same bits by kernels that are compiled in half the time."""
     return {} if material == ps.Lambertian() else {"ordering": "lexicographic"}
 
