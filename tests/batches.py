@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image
 
 import persfs_cl as ps
+from persfs_cl._cl.selection import select_device
 from persfs_cl.pipeline.batch import Again, Batch, BatchResult
 from persfs_cl.pipeline.claim import Shard
 from persfs_cl.pipeline.job import Job
@@ -19,8 +20,9 @@ from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import FOLDER, Record, now
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import Plan, input_hash, stamps
-from persfs_cl.pipeline.station import Outcome, Task
+from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import RECORD, Store
+from persfs_cl.pipeline.workers import Setting
 from persfs_cl.surface.saving import Saving
 
 SHAPE = (24, 30)
@@ -71,6 +73,37 @@ def require_whole(out: Path, names: Iterable[str], files: Iterable[str] = ("dept
         assert {path.name for path in (out / name).iterdir()} == expected
         assert np.isfinite(np.load(out / name / "depth.npy")).any()
         assert json.loads((out / name / RECORD).read_text())["name"] == name
+
+
+class Here:
+    """In place of a crew: one device, in this process, which must be one that is listening.
+
+    Parameters
+    ----------
+    settings : sequence of Setting
+        Of the device.
+    _inherited : sequence of int
+    """
+
+    def __init__(self, settings: Sequence[Setting], _inherited: Sequence[int] = ()) -> None:
+        [self._setting] = settings
+
+    def outcomes(self, tasks: Iterable[Task], _interrupted: Callable[[], bool]) -> Generator[Outcome, None, None]:
+        setting, found = self._setting, list[Outcome]()
+        assert setting.store is not None
+        with setting.store.opened() as shelf:
+            station = Station(
+                select_device(setting.device),
+                shelf=shelf,
+                saving=setting.saving,
+                options=setting.options,
+                memory=setting.memory,
+                put=found.append,
+            )
+            for task in tasks:
+                station.add(task)
+            station.finish()
+        yield from found
 
 
 class Pretender:

@@ -42,19 +42,10 @@ UPWIND: dict[str, dict[str, Any]] = {
 }
 """Keywords of :func:`random_problem`, each for kernels of its own."""
 
-PRECISION_IN_TURN = {
-    "flash on a rough surface": "float32",
-    "flash on a shiny surface": "float64",
-    "upwind flash": "float32",
-    "upwind flash on a rough surface": "float64",
-    "upwind lamp beside": "float64",
-    "upwind lamp beside a rough surface": "float32",
-    "upwind flash on a shiny surface": "float32",
-    "upwind headlight": "float64",
-}
-"""Of those whose kernels take seconds to compile: in which precision the quick tests run them.
+IN_DOUBLE_PRECISION = ["flash on a shiny surface", "upwind headlight"]
+"""Those whose kernels the quick tests run in double precision, by all orderings, so that tests share programs.
 
-By all orderings in the same one, so that tests share programs. Those under a parallel light run in both.
+By the Lax-Friedrichs scheme under a parallel light they run in both, by all others in single precision.
 """
 OTHER_MATERIALS = [
     "flash on a rough surface",
@@ -67,7 +58,9 @@ OTHER_MATERIALS = [
 
 def in_turn(parameters: Mapping[str, Any]) -> bool:
     """Whether a test of these parameters, `name` and `precision`, is a quick one, if it is of the reference."""
-    return PRECISION_IN_TURN.get(parameters["name"]) in (parameters["precision"], None)
+    name = parameters["name"]
+    in_both = name in LAX_FRIEDRICHS and "flash" not in name
+    return in_both or bool((parameters["precision"] == "float64") == (name in IN_DOUBLE_PRECISION))
 
 
 def one_material_in_turn(parameters: Mapping[str, Any]) -> bool:

@@ -73,8 +73,16 @@ def test_readme_has_examples_of_both_kinds_and_output() -> None:
     assert any(example.output for example in README)
 
 
-# Those of other pages use again what those of README use, and compile more kernels.
-@pytest.mark.quick_where(holds=lambda given: given["example"].page == "README.md")
+def is_quick(example: Example) -> bool:
+    """Whether an example is run by the quick tests.
+
+    Those of other pages use again what those of README use, and compile more kernels. Of README two start several
+    commands that have tests of their own in tests/cli: with a configuration, and with a folder of photographs.
+    """
+    return example.page == "README.md" and not re.search("--config|persfs-cl batch", example.text)
+
+
+@pytest.mark.quick_where(holds=lambda given: is_quick(given["example"]))
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: f"{example.page}, line {example.line}")
 def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
     scripts = Path(sys.executable).parent

@@ -27,6 +27,8 @@ def make_video(
     with av.open(str(path), "w") as container:
         stream: Any = container.add_stream(codec, rate=Fraction(30000, 1001))
         stream.codec_context.gop_size = 6
+        # Starting others takes longer than the few frames.
+        stream.codec_context.thread_count = 1
         time = 0
         for number, samples in enumerate(frames):
             if not number:

@@ -29,10 +29,9 @@
  * bands that have finished their iterations, and for each band of each image twice the stages done, plus one while some
  * group does the next. Reads and writes log_depth in place.
  */
-#define LOOKS (32 * POLLS) /* polls without success, of counters in the cache: some hundred microseconds */
-
 #define SEGMENT (RESTS ? 4 : INT_MAX / 2) /* vectors of a colour */
 #define FIRST_HALF 3
+#define CHEAPER 32 /* a poll of counters that lie close together, in the cache, than one of those of strips */
 
 /* Claims a stage of a band for this group: 1 if that succeeds; `done` is the state of a band that is ready for it. */
 static inline int claim(__global volatile int *states, const int bands, const int band, const int done)
@@ -59,6 +58,7 @@ typedef struct {
     int rows, stride, first_colour, band_rows, bands, halves;
     int first_half; /* of the iteration                                                */
     int since;      /* the half-sweep that came first after the last search for the change */
+    int patience;   /* polls without success before a group goes on                     */
 } picture;
 
 static inline int segments_of(const int stride)
@@ -130,7 +130,7 @@ static inline int iterate(const picture *image, __global volatile int *states, _
     const int bands = image->bands, fronts = bands + stages - 1;
     const int first_front = (int)((long)fronts * (long)get_group_id(0) / (long)get_num_groups(0));
     int found = 0, left = 1;
-    for (int looks = 0; left && looks < LOOKS; looks += fronts * stages) {
+    for (int looks = 0; left && looks < image->patience; looks += fronts * stages) {
         left = 0;
         for (int k = 0; k < fronts; ++k) {
             const int front = (first_front + k) % fronts;
@@ -178,7 +178,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
       __global real *previous,           /* Z before an iteration, shape of log_depth           */
       __global volatile int *changed,    /* see above, of each image                            */
       const int sweeps_before,           /* of this run                                         */
-      const int measured_sweeps)         /* those before the last search for the change         */
+      const int measured_sweeps,         /* those before the last search for the change         */
+      const int polls)                   /* in vain before a group goes on: see CHEAPER         */
 {
     const int bands = (rows - 2 + band_rows - 1) / band_rows, stages = halves + measured;
     const int group = (int)get_group_id(0), groups = (int)get_num_groups(0);
@@ -216,7 +217,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                                      bands,
                                      halves,
                                      first_half,
-                                     done > 0 ? first_half : FIRST_HALF + 2 * measured_sweeps};
+                                     done > 0 ? first_half : FIRST_HALF + 2 * measured_sweeps,
+                                     CHEAPER * polls};
                 found |= iterate(&all, states, through, stages, stages_before + done * stages);
             }
         }

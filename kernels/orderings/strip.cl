@@ -249,10 +249,10 @@ static inline int wait_for(__global volatile int *progress, const int wanted, co
     return done;
 }
 
-/* Polls in about the time that a strip takes; a few hundred microseconds at least. */
-static inline int patience_for(const int width)
+/* Polls in about the time that a strip takes; a few hundred microseconds at least, which are so many `polls`. */
+static inline int patience_for(const int polls, const int width)
 {
-    return POLLS + POLLS / 256 * blocks_of(width);
+    return polls + polls / 256 * blocks_of(width);
 }
 
 /* Puts the lanes on the steps that begin at `cell`, that of the first lane. */
@@ -364,8 +364,8 @@ run_strip(__global real *log_depth, __global const real *brightness, const bound
           __global const real *row_table,
           __global volatile int *progress, __global volatile int *changed, const int rows, const int stride,
           const int first_row, const int first_column, const int height, const int width, const int leftwards,
-          const int upwards, const int strip, const int first_block, const int done_before, const int sweep,
-          const int alone)
+          const int upwards, const int strip, const int first_block, const int done_before, const int patience,
+          const int sweep, const int alone)
 {
     const int blocks = blocks_of(width);
     const long column_step = leftwards ? -1 : 1;
@@ -396,7 +396,7 @@ run_strip(__global real *log_depth, __global const real *brightness, const bound
     for (int block = first_block; block < blocks; ++block) {
         const int needed = block + STRIP_ROWS / LANES + 1;
         if (ahead < done_before + min(needed, blocks)) {
-            ahead = wait_for(progress - APART, done_before + min(needed + LEAD, blocks), patience_for(width));
+            ahead = wait_for(progress - APART, done_before + min(needed + LEAD, blocks), patience);
             if (ahead < done_before + min(needed, blocks)) {
                 publish(progress, done_before + block);
                 return 0;

@@ -15,10 +15,10 @@ static inline void run_sweep(__global real *log_depth, __global const real *brig
     for (int strip = 0; strip * STRIP_ROWS < height; ++strip) {
         if (leftwards)
             run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, rows,
-                      stride, first_row, first_column, height, width, 1, upwards, strip, 0, 0, number, 1);
+                      stride, first_row, first_column, height, width, 1, upwards, strip, 0, 0, 0, number, 1);
         else
             run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, rows,
-                      stride, first_row, first_column, height, width, 0, upwards, strip, 0, 0, number, 1);
+                      stride, first_row, first_column, height, width, 0, upwards, strip, 0, 0, 0, number, 1);
     }
 }
 

@@ -113,11 +113,13 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
       const int sweeps,                  /* of this launch, 1 to 4                                           */
       __global volatile int *sync,       /* shape (FIRST_CLAIM + (1 + APART) * images * strips)              */
       const int sweeps_before,           /* of this run                                                      */
+      const int polls,                   /* in vain, before a group gives up: see patience_for               */
       __global volatile int *changed)    /* see tiles.cl, of each image                                      */
 {
     const int strips = (height + STRIP_ROWS - 1) / STRIP_ROWS, total = strips * images;
     const launch all = {sync + FIRST_CLAIM, sync + FIRST_CLAIM + total, images, strips, blocks_of(width), first_sweep,
                         sweeps, sweeps_before};
+    const int patience = patience_for(polls, width);
     const int last_to_end = (sweeps_before + sweeps) * (int)get_num_groups(0) - sweeps;
     for (;;) {
         int sweep_of_strip = 0;
@@ -129,7 +131,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
             const int direction = first_sweep + sweep_of_strip, upwards = direction / 2;
             const int done_before = blocks_after(&all, sweep_of_strip);
             __global volatile int *left = progress_of(&all, image, strip_to_leave(&all, sweep_of_strip, strip));
-            int whole = sweep_of_strip == 0 || wait_for(left, done_before, patience_for(width)) >= done_before;
+            int whole = sweep_of_strip == 0 || wait_for(left, done_before, patience) >= done_before;
             if (whole) {
                 const size_t size = (size_t)rows * (size_t)stride, begin = (size_t)image * size;
                 const bounds within = bounds_from(limits, (size_t)images * size, begin);
@@ -145,11 +147,11 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 if (direction & 1)
                     whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
                                       first_row, first_column, height, width, 1, upwards, strip, first_block,
-                                      done_before, sweep, 0);
+                                      done_before, patience, sweep, 0);
                 else
                     whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
                                       first_row, first_column, height, width, 0, upwards, strip, first_block,
-                                      done_before, sweep, 0);
+                                      done_before, patience, sweep, 0);
             }
             if (whole)
                 continue;

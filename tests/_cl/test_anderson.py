@@ -101,8 +101,12 @@ def test_what_a_mixture_changes_is_no_change_of_the_next_iteration(device: ps.De
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        (WavefrontImages(8, work_groups=1), WavefrontImages(2, work_groups=1)),
-        (CheckerboardBands(8, band_rows=8, work_groups=1), CheckerboardBands(2, band_rows=8, work_groups=1)),
+        (WavefrontImages(8, vectors=1, work_groups=1), WavefrontImages(2, vectors=1, work_groups=1)),
+        pytest.param(
+            CheckerboardBands(8, band_rows=8, work_groups=1),
+            CheckerboardBands(2, band_rows=8, work_groups=1),
+            marks=pytest.mark.thorough,
+        ),
     ],
     ids=["wavefront", "checkerboard"],
 )

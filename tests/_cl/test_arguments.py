@@ -91,6 +91,8 @@ def every_kernel(device: ps.Device, problem: Problem) -> list[tuple[list[str], d
     ]
 
 
+# By the quick tests every kernel is launched with what is read here, and does what it should.
+@pytest.mark.thorough
 def test_arguments_are_those_of_the_compiler(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     usual = cl.Program.build
     asking = ["-cl-kernel-arg-info", "-cl-opt-disable"]

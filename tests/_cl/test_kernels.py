@@ -99,9 +99,13 @@ def compared_with_the_reference(name: str) -> list[str]:
 
 
 def quickly_compared(parameters: Mapping[str, Any]) -> bool:
-    """Whether a test of these parameters is a quick one: of other materials the last shape alone."""
+    """Whether a test of these parameters is a quick one.
+
+    By the upwind scheme all go by the last shape, and a row and a column by two of them: the reference takes its time.
+    """
     name, last = parameters["name"], shapes_for_the_reference(parameters["name"])[-1]
-    shown = name not in OTHER_MATERIALS or parameters["shape"] == last
+    by_lines = [*LAX_FRIEDRICHS, "upwind oblique toward", "upwind flash"]
+    shown = parameters["shape"] == last or (name in by_lines and name not in OTHER_MATERIALS)
     return shown and in_turn(parameters) and parameters["ordering"] == compared_with_the_reference(name)[-1]
 
 
@@ -153,12 +157,13 @@ def test_each_checkerboard_sweep_equals_the_reference(device: Device, precision:
         assert_a_sweep(kernel.log_depth()[0], values, precision, name)
 
 
-@pytest.mark.quick_where(holds=lambda given: one_material_in_turn({**given, "precision": "float64"}))
+@pytest.mark.quick_where(holds=lambda given: given["name"] not in OTHER_MATERIALS)
 @pytest.mark.parametrize("name", UPWIND)
 def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None:
     """The value of each cell is its lowest candidate, unless it kept the start value."""
     problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
-    kernel = sweeper(problem, device, "float64", "wavefront")
+    # The bits of the wavefront, see below, by programs that are compiled in half the time.
+    kernel = sweeper(problem, device, "float64", "lexicographic")
     assert kernel.run(100)[-1] <= 1e-13
     reference = Reference.of(problem)
     reference.log_depth = kernel.log_depth()[0].astype(np.float64)
@@ -219,6 +224,8 @@ def assert_same_bits(problem: Problem, device: Device, precision: str, *, linear
         np.testing.assert_array_equal(one.log_depth()[0], other.log_depth()[0])
 
 
+# Which way the surface goes is a number to the kernels.
+@pytest.mark.quick_where(holds=lambda given: (given["precision"] == "float64") == (given["surface"] == "toward"))
 @both_ways
 @pytest.mark.parametrize("shape", SIZES)
 def test_wavefront_gives_the_bits_of_lexicographic(
@@ -268,18 +275,21 @@ SMALL_TILES = WavefrontTiles(tile=(8, 16))
 IN_ONE_PRECISION: dict[Ordering, str] = {
     # In the other precision their cells are those of the lexicographic order, by the same function.
     TILES: "float32",
-    SMALL_TILES: "float32",
+    # As large ones on images of several.
+    SMALL_TILES: "",
     # What several vectors have to do with each other is in the file that strips and images have in common.
     **{ordering: "" for (vectors, _), ordering in STRIPS.items() if vectors == 3},
-    **{ordering: "float32" for (vectors, _), ordering in IMAGES.items() if vectors == 3},
+    # Which the processes of a batch have: see test_numbers_are_those_of_one_by_one_to_the_bit.
+    **{ordering: "" for (vectors, _), ordering in IMAGES.items() if vectors == 3},
     NARROW_STRIPS[0]: "",
     NARROW_STRIPS[1]: "",
-    NARROW_STRIPS[2]: "float64",
+    # Double precision has fewer lanes than single precision.
+    NARROW_STRIPS[2]: "",
     NARROW_STRIPS[3]: "",
     # Narrow bands, below, update their cells by the same function.
     Checkerboard(2): "",
     Checkerboard(4): "",
-    BANDS[4]: "float32",
+    Checkerboard(8): "float32",
     NARROW_BANDS[0]: "float32",
     NARROW_BANDS[1]: "",
 }
@@ -306,12 +316,12 @@ def test_all_sizes_give_the_bits_of_lexicographic(device: Device, precision: str
 def quick_variant(parameters: Mapping[str, Any]) -> bool:
     """Whether a test of these parameters, `name` and `ordering`, is a quick one.
 
-    Tiles update a cell by the lexicographic order's own function, and go by two lights. A material under the
+    Tiles update a cell by the lexicographic order's own function, and go by one light. A material under the
     Lax-Friedrichs scheme goes by strips, which share their loop with whole images.
     """
     name = parameters["name"]
-    of_strips = isinstance(parameters["ordering"], Strips) and name == "upwind lamp beside"
-    return of_strips or name in ("upwind oblique toward", "upwind flash")
+    of_strips = isinstance(parameters["ordering"], Strips) and name in ("upwind lamp beside", "upwind flash")
+    return of_strips or name == "upwind oblique toward"
 
 
 # Both precisions of these kernels go through strips, above, and of these variants through the test before.
@@ -345,8 +355,8 @@ def test_tunings_give_the_bits_of_lexicographic_at_second_order(
     assert_lexicographic_bits(device, precision, ordering, "upwind oblique toward", largest=140)
 
 
-@pytest.mark.quick_where(holds=lambda given: one_material_in_turn({**given, "precision": given["real"]}))
-@pytest.mark.quick_where(holds=lambda given: given["name"] not in HEADLIGHT)
+# Under other lights the surfaces of second order are as exact as they should be, and those before have these programs.
+@pytest.mark.quick_where(holds=lambda given: given["name"] in list(UPWIND)[:4] and given["real"] == "float32")
 @pytest.mark.parametrize(("real", "only_lower"), [("float32", False), ("float64", True)])
 @pytest.mark.parametrize("name", [*UPWIND, *HEADLIGHT])
 def test_second_order_gives_the_bits_of_lexicographic_by_any_kernels(
@@ -485,7 +495,9 @@ def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
         assert_checkerboard_gives_the_bits_of_cells(problem, device, precision, ordering)
 
 
-@kernels_take_turns
+# What bands add to cells does not know the kernels: by two of them, in the precision of the other tests.
+@pytest.mark.quick_where(holds=lambda given: given["precision"] == "float32")
+@pytest.mark.quick_where(holds=lambda given: given["name"] in ("upwind oblique toward", "upwind flash"))
 @pytest.mark.parametrize("name", KERNELS)
 def test_checkerboard_is_the_same_by_any_kernels(device: Device, precision: str, name: str) -> None:
     for seed, shape in enumerate([(1, 2), (17, 31), (17, 31)]):
@@ -517,11 +529,13 @@ def assert_checkerboard_gives_the_bits_of_cells(
     [
         *[
             (ordering, "frontal away")
-            for ordering in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, *BANDS, LEXICOGRAPHIC)
+            for ordering in (TILES, STRIPS[1, 3], IMAGES[1, 1], CHECKERBOARD, *BANDS[2:], LEXICOGRAPHIC)
         ],
-        *[(ordering, "upwind flash") for ordering in BANDS[:4]],
-        pytest.param(BANDS[4], "upwind flash", marks=thorough),
-        *[(ordering, name) for ordering in (TILES, IMAGES[1, 3]) for name in ("upwind frontal away", "upwind flash")],
+        *[pytest.param(ordering, "frontal away", marks=thorough) for ordering in BANDS[:2]],
+        *[(ordering, "upwind flash") for ordering in BANDS[:2]],
+        *[pytest.param(ordering, "upwind flash", marks=thorough) for ordering in (*BANDS[2:], TILES)],
+        (TILES, "upwind frontal away"),
+        *[(IMAGES[1, 3], name) for name in ("upwind frontal away", "upwind flash")],
         *[pytest.param(IMAGES[3, 3], name, marks=thorough) for name in ("upwind frontal away", "upwind flash")],
         (STRIPS[1, 2], "upwind frontal away"),
         pytest.param(STRIPS[3, 2], "upwind frontal away", marks=thorough),
@@ -532,7 +546,7 @@ def test_images_that_share_launches_do_not_touch_each_other(device: Device, orde
     """Each has its own mask, boundary, known values, start and end."""
     boundary: Boundary = "wall" if name in UPWIND else "outflow"
     problems = [
-        random_problem(seed, (29, 22), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in range(5)
+        random_problem(seed, (29, 22), boundary=boundary, holes=0.03 * seed, **SETUPS[name]) for seed in (0, 2, 4)
     ]
 
     def run(members: list[Problem]) -> tuple[np.ndarray, np.ndarray]:

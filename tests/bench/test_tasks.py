@@ -13,7 +13,7 @@ from persfs_cl.bench import tasks
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 
-COUNT = 1200
+COUNT = 400
 
 
 @pytest.fixture

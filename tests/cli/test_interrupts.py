@@ -200,8 +200,8 @@ def test_progress_on_a_terminal_and_interrupt_of_a_real_run(tmp_path: Path) -> N
     command += ["reconstruct", "photo.png", "-o", "out", "--focal-length=120"]
     command += ["--known-depth=known.npy", "--surface", scene.surface, "--scheme=lax-friedrichs"]
     # A picture, and other files.
-    files = {"depth.npy", "convergence.png", "mesh.ply", "report.json"}
-    command += ["--tolerance=0", "--max-iterations=1000000", "--save", ",".join(files)]
+    files = {"depth.npy", "convergence.png", "depth.tiff", "report.json"}
+    command += ["--ordering=lexicographic", "--tolerance=0", "--max-iterations=1000000", "--save", ",".join(files)]
     ours, theirs = os.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
     with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=theirs) as process:

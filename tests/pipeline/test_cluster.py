@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import os
 import pickle
 import shutil
@@ -35,14 +37,19 @@ from persfs_cl.pipeline.workers import Setting
 from persfs_cl.solver.options import complete
 from persfs_cl.surface.saving import Saving
 
-dask_config = pytest.importorskip("dask.config")
-distributed = pytest.importorskip("distributed")
+if importlib.util.find_spec("distributed") is None:
+    pytest.skip("Dask is missing", allow_module_level=True)
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
 COUNT = 30
 SAVE = "depth,normals,report"
 OF_THE_RUN = {"report.json", "record.json"}
 """They say how long it took, and when."""
+
+
+def dask(module: str = "distributed") -> Any:
+    """A module of Dask, which takes a second to import: not where tests are collected, but where they are run."""
+    return importlib.import_module(module)
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +66,8 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def workers() -> Iterator[str]:
     """The address of a scheduler with two workers in processes of their own."""
     with (
-        dask_config.set({"distributed.worker.profile.enabled": False}),
-        distributed.LocalCluster(
+        dask("dask.config").set({"distributed.worker.profile.enabled": False}),
+        dask().LocalCluster(
             n_workers=2, threads_per_worker=1, resources={"device": 1}, dashboard_address=":0", host="127.0.0.1"
         ) as made,
     ):
@@ -113,7 +120,7 @@ def test_a_worker_that_is_killed_costs_nothing(
 ) -> None:
     witness, output = tmp_path / "witness", tmp_path / "output"
     witness.mkdir()
-    with distributed.Client(workers, set_as_default=False) as client:
+    with dask().Client(workers, set_as_default=False) as client:
         first, _ = client.run(os.getpid)
         client.run(die_after, 3, str(witness), workers=[first])
     results = reconstructed(photos, output, scheduler=workers)
@@ -127,7 +134,7 @@ def test_a_worker_that_is_killed_costs_nothing(
     before = list(witness.iterdir())
     assert len(before) == 3
     assert all((output / file.name / store.RECORD).read_bytes() == file.read_bytes() for file in before)
-    with distributed.Client(workers, set_as_default=False) as client:
+    with dask().Client(workers, set_as_default=False) as client:
         assert first not in client.run(os.getpid)
     assert not list(output.glob(".*")), "nothing half-made is left"
     again = reconstructed(photos, output, scheduler=workers)
@@ -169,7 +176,7 @@ def test_an_end_that_is_asked_for_drops_the_rest(photos: Path, workers: str, tmp
 
 
 def wait_until_unwanted(file: str) -> None:
-    worker = distributed.get_worker()
+    worker = dask().get_worker()
     key = worker.get_current_task()
     assert cluster_worker._is_wanted(worker, key)
     Path(file, "begun").touch()
@@ -187,10 +194,10 @@ def appears(file: Path) -> bool:
 
 @pytest.mark.usefixtures("listening")
 def test_a_chunk_ends_when_who_asked_is_gone(photos: Path, tmp_path: Path) -> None:
-    with distributed.LocalCluster(
+    with dask().LocalCluster(
         n_workers=1, processes=False, protocol="tcp", dashboard_address=":0", host="127.0.0.1"
     ) as made:
-        with distributed.Client(made.scheduler_address, set_as_default=False) as client:
+        with dask().Client(made.scheduler_address, set_as_default=False) as client:
             future = client.submit(wait_until_unwanted, str(tmp_path), pure=False)
             assert appears(tmp_path / "begun")
             assert not future.done()
@@ -227,7 +234,7 @@ def test_workers_that_cannot_be_used_are_named(
 ) -> None:
     # In one process, where only who asks looks here.
     monkeypatch.setattr(cluster, "versions", lambda: {**versions(), "numpy": "0.0"})
-    with distributed.LocalCluster(
+    with dask().LocalCluster(
         n_workers=1, processes=False, protocol="tcp", resources=resources, dashboard_address=":0", host="127.0.0.1"
     ) as made:
         team = Cluster(made.scheduler_address, setting(FolderStore(tmp_path)), patience=Patience(others=0.0))
@@ -242,7 +249,7 @@ def test_workers_that_cannot_be_used_are_named(
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense"])
 def test_a_scheduler_that_does_not_answer_is_named(address: str, tmp_path: Path) -> None:
     with (
-        dask_config.set({"distributed.comm.timeouts.connect": "200ms"}),
+        dask("dask.config").set({"distributed.comm.timeouts.connect": "200ms"}),
         pytest.raises(InputError, match=f"scheduler='{address}' does not answer"),
     ):
         list(Cluster(address, setting(FolderStore(tmp_path))).outcomes(tasks(tmp_path, ["a"]), lambda: False))
@@ -366,7 +373,7 @@ def test_a_worker_whose_device_fails_hands_its_photos_to_the_others() -> None:
 def test_the_photo_that_ends_workers_is_found() -> None:
     def answer(place: str, given: list[Task]) -> Any:
         if any(task.number == 5 for task in given):
-            return distributed.KilledWorker("key", None, 3)
+            return dask().KilledWorker("key", None, 3)
         return Answer(place, 1.0, [done(task) for task in given])
 
     client = FakeClient(answer)

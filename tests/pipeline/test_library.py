@@ -55,7 +55,8 @@ def test_bounds_of_the_depth_are_for_all_photographs(tmp_path: Path) -> None:
     far = np.full((24, 30), np.nan)
     far[:5] = 1.1 * near
     np.save(tmp_path / "far.npy", far)
-    bounds: dict[str, Any] = {"near": near, "far": tmp_path / "far.npy"}
+    # By the order whose kernels are compiled most quickly.
+    bounds: dict[str, Any] = {"near": near, "far": tmp_path / "far.npy", "ordering": "lexicographic"}
     for result in ps.batch(tmp_path / "in", tmp_path / "out", camera=CAMERA, light=LIGHT, save="depth.npy", **bounds):
         expected = ps.reconstruct(images[result.name], CAMERA, light=LIGHT, depth_range=(near, far))
         np.testing.assert_array_equal(np.load(tmp_path / "out" / result.name / "depth.npy"), expected.depth)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -96,12 +97,13 @@ def test_its_surface_is_found(device: ps.Device, precision: ps.choices.Precision
         scheme=scheme,
         device=device,
         precision=precision,
+        ordering="lexicographic",
     )
     assert solution.status is ps.Status.CONVERGED
     assert ps.compare(solution.depth, scene.depth).mean < (0.002 if scheme == "upwind" else 0.01)
 
 
-_ITERATIONS = 4
+_ITERATIONS = 3
 LIGHTS: dict[str, tuple[Light, str]] = {
     "parallel": (ps.ParallelLight(0.3, -0.2), "lax-friedrichs"),
     "without fall-off": (ps.FlashLight(falloff=False, gain=1.5), "upwind"),
@@ -111,7 +113,7 @@ LIGHTS: dict[str, tuple[Light, str]] = {
 @pytest.mark.parametrize("name", LIGHTS)
 def test_its_kernel_is_what_its_class_says(device: ps.Device, name: str) -> None:
     light, scheme = LIGHTS[name]
-    problem = random_problem(3, (7, 9), light=light, reflectance=Toy(), scheme=scheme)
+    problem = random_problem(3, (5, 6), light=light, reflectance=Toy(), scheme=scheme)
     reference, kernel = Reference.of(problem), sweeper(problem, device, "float32", "lexicographic")
     for _ in range(_ITERATIONS):
         reference.iterate()
@@ -121,6 +123,7 @@ def test_its_kernel_is_what_its_class_says(device: ps.Device, name: str) -> None
 
 
 COMMAND = """
+import json
 import sys
 from pathlib import Path
 from persfs_cl._cl import program
@@ -129,7 +132,14 @@ from test_toy_material import Toy
 program.KERNEL_FOLDERS.append(Path(sys.argv.pop(1)))
 MATERIALS["toy"] = Toy
 from persfs_cl.cli import main
-sys.exit(main())
+# Two commands, of which the second ends the process.
+sys.argv[1:], help = json.loads(sys.argv[1]), json.loads(sys.argv[2])
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end
+sys.argv[1:] = help
+main()
 """
 
 
@@ -137,15 +147,17 @@ def test_the_command_has_it_with_its_number(tmp_path: Path) -> None:
     scene = ps.hillside((20, 20), light=ps.FlashLight(), reflectance=Toy(1.5), bits=None)
     np.save(tmp_path / "depth.npy", scene.depth)
 
-    def command(*arguments: str | Path) -> str:
-        path = os.pathsep.join(filter(None, [str(Path(__file__).parent), *sys.path]))
-        environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}
-        words = [sys.executable, "-c", COMMAND, str(tmp_path), *map(str, arguments)]
-        return subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout
-
-    options = ("--focal-length=20", "--light=flash", "--reflectance=toy", "--exponent=1.5", "--encoding=linear")
-    command("render", tmp_path / "depth.npy", "-o", tmp_path / "image.tiff", "--bits=16", *options)
-    shown = ps.read_image(tmp_path / "image.tiff", encoding="linear")
+    options = ["--focal-length=20", "--light=flash", "--reflectance=toy", "--exponent=1.5", "--encoding=linear"]
+    image = tmp_path / "image.tiff"
+    commands = [
+        ["render", str(tmp_path / "depth.npy"), "-o", str(image), "--bits=16", *options],
+        ["reconstruct", "--help"],
+    ]
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parent), *sys.path]))
+    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}
+    words = [sys.executable, "-c", COMMAND, str(tmp_path), *map(json.dumps, commands)]
+    said = subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout
+    shown = ps.read_image(image, encoding="linear")
     expected = ps.render(scene.depth, scene.camera, light=ps.FlashLight(), reflectance=Toy(1.5))
     np.testing.assert_allclose(shown, expected / expected.max(), atol=1e-4)
-    assert "Of toy: the higher, the darker the flanks" in command("reconstruct", "--help")
+    assert "Of toy: the higher, the darker the flanks" in said

@@ -27,10 +27,14 @@ def hill(size: int, material: Reflectance = MATERIALS[0], **keywords: Any) -> Sc
     return ps.hillside((size, size), surface="toward", light=FLASH, reflectance=material, **keywords)
 
 
+def order(material: Reflectance) -> dict[str, Any]:
+    """The default for matt surfaces; for others the same bits by kernels that are compiled in half the time."""
+    return {} if material == ps.Lambertian() else {"ordering": "lexicographic"}
+
+
 def solve(scene: Scene, **keywords: Any) -> ps.Solution:
-    return ps.reconstruct(
-        scene.image, scene.camera, **{"light": scene.light, "reflectance": scene.reflectance, **keywords}
-    )
+    given = {"light": scene.light, "reflectance": scene.reflectance, **order(scene.reflectance)}
+    return ps.reconstruct(scene.image, scene.camera, **{**given, **keywords})
 
 
 def share_of_relief(scene: Scene, **keywords: Any) -> float:
@@ -112,8 +116,8 @@ def test_known_depths_are_kept_and_pull_the_surface_down() -> None:
     assert held.depth[20, 21] < 0.95 * free.depth[20, 21]
 
 
-# By two materials: which way a photograph lies is nothing to them.
-@pytest.mark.quick_where(holds=lambda given: not isinstance(given["material"], ps.Phong))
+# By one material: which way a photograph lies is nothing to them.
+@pytest.mark.quick_where(holds=lambda given: given["material"] == ps.Lambertian())
 @each_turn
 @each_material
 def test_turning_the_photograph_turns_the_surface(turn: Any, material: Reflectance) -> None:
@@ -136,7 +140,7 @@ def test_batch_gives_the_numbers_of_one_by_one(material: Reflectance, scheme: st
         for shape, relief in (((30, 30), 0.1), ((20, 33), 0.1), ((30, 30), 0.2))
     ]
     masks = [disc(30, 0.4, (0.0, 0.0)), None, None]
-    keywords: dict[str, Any] = {"light": FLASH, "reflectance": material, "scheme": scheme}
+    keywords: dict[str, Any] = {"light": FLASH, "reflectance": material, "scheme": scheme, **order(material)}
     together = ps.reconstruct_batch(
         [scene.image for scene in scenes], [scene.camera for scene in scenes], mask=masks, **keywords
     )
@@ -197,6 +201,7 @@ def test_every_pixel_gets_a_depth_at_which_it_may_be_as_bright(
             max_slope=max_slope,
             device=device,
             precision=precision,
+            **order(material),
         )
         assert solution.status is ps.Status.CONVERGED
         inside = np.ones(image.shape, bool) if region is None else mask & ~walls

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.choices import Precision
 from persfs_cl.masks import Neighbours, rim
 from persfs_cl.scenes.meshes import mesh_scene, stanford_bunny
+from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import Light
 from persfs_cl.surface import geometry as surface
 from persfs_cl.surface import plots as pictures
@@ -393,11 +395,20 @@ def test_cuts_of_another_size_are_refused() -> None:
                 use()
 
 
+@functools.cache
+def bunny(turn: float, light: Light) -> Scene:
+    return mesh_scene(stanford_bunny(), (270, 270), up="z", turn=turn, focal_length=295.0, light=light)
+
+
+# Each two of the turn, the width and the light meet.
+@pytest.mark.quick_where(
+    holds=lambda given: (given["turn"] == 60.0) ^ (given["width"] == 1) ^ isinstance(given["light"], ps.FlashLight)
+)
 @pytest.mark.parametrize("light", [FLASH, ps.ParallelLight(0.3, -0.2)])
 @pytest.mark.parametrize(("width", "most_wrong"), [(1, 0.1), (3, 0.2)])
 @pytest.mark.parametrize("turn", [60.0, 270.0])
 def test_the_bunny(turn: float, width: int, most_wrong: float, light: Light) -> None:
-    scene = mesh_scene(stanford_bunny(), (270, 270), up="z", turn=turn, focal_length=295.0, light=light)
+    scene = bunny(turn, light)
     walls = scene.walls
     assert walls is not None
     walls = walls if width == 1 else scene.mask & (np.max(around(walls.astype(float), 0.0), axis=0) > 0)

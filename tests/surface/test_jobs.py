@@ -18,7 +18,8 @@ from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution, write_files
 from persfs_cl.surface.solved import Derived
 
-EVERYTHING = Saving.of("depth,normals.npy,mesh.ply,mesh.obj,pictures,report", mesh_faces=1000)
+FILES = Saving.of("depth,normals.npy,mesh.ply,mesh.obj,normals.png,relief.png,convergence.png,report", mesh_faces=1000)
+"""Each kind, and of the pictures three: all have a test of the same in tests/surface/test_plots.py."""
 
 
 @pytest.fixture(scope="module")
@@ -29,14 +30,14 @@ def solution() -> Solution:
 
 def written(solution: Solution, folder: Path, threads: int) -> Mapping[str, bytes]:
     folder.mkdir()
-    names = write_files(folder, solution, EVERYTHING, Derived(solution), report=lambda: {"a": 1}, threads=threads)
+    names = write_files(folder, solution, FILES, Derived(solution), report=lambda: {"a": 1}, threads=threads)
     assert sorted(names) == sorted(path.name for path in folder.iterdir())
     return {name: (folder / name).read_bytes() for name in names}
 
 
 def test_threads_write_the_same_bytes_and_say_so_in_the_same_order(solution: Solution, tmp_path: Path) -> None:
     one, four = (written(solution, tmp_path / str(threads), threads) for threads in (1, 4))
-    assert list(one) == list(EVERYTHING.files) == list(four)
+    assert list(one) == list(FILES.files) == list(four)
     assert one == four
 
 
@@ -74,7 +75,7 @@ def test_a_picture_that_fails_is_told_of_by_the_thread_that_asked(
     monkeypatch.setattr(plots, "relief_picture", fail)
     with pytest.warns(PersfsWarning, match=r"relief\.png could not be drawn \(RuntimeError: no paper\)") as said:
         names = set(written(solution, tmp_path / "some", 3))
-    assert names == {*EVERYTHING.files} - {"relief.png"}
+    assert names == {*FILES.files} - {"relief.png"}
     assert said[0].filename == __file__
 
 

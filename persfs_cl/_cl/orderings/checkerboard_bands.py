@@ -55,8 +55,8 @@ class CheckerboardBands(Ordering):
 
     @property
     def definitions(self) -> dict[str, int]:
-        """With the patience of a group."""
-        return {**super().definitions, "POLLS": self.polls, "RESTS": int(self.rests)}
+        """Without accounts where nothing rests."""
+        return {**super().definitions, "RESTS": int(self.rests)}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """Columns apart."""
@@ -113,6 +113,7 @@ class CheckerboardBands(Ordering):
             iterations_before=run.own_measures,
             sweeps_before=run.sweeps,
             measured_sweeps=run.measured_sweeps,
+            polls=self.polls,
             **own,
         )
 

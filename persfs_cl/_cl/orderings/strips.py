@@ -28,8 +28,6 @@ class Strips(Ordering):
         Of a strip: with three the latency of the square root is hidden, and the registers suffice.
     work_groups : int
         How many run at a time.
-    polls : int
-        How long a work-group waits for another in vain: so many looks at its counter, some hundred microseconds.
     """
 
     vectors_down: ClassVar[bool] = True
@@ -37,7 +35,6 @@ class Strips(Ordering):
 
     vectors: int = 3
     work_groups: int = 1
-    polls: int = 4000
 
     @property
     def strip_rows(self) -> int:
@@ -47,7 +44,7 @@ class Strips(Ordering):
     @property
     def definitions(self) -> dict[str, int]:
         """With the height of a strip."""
-        return {**super().definitions, "VECTORS": self.vectors, "POLLS": self.polls, "RESTS": int(self.rests)}
+        return {**super().definitions, "VECTORS": self.vectors, "RESTS": int(self.rests)}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """The last strip may reach past the image; lanes lean out by a strip's height and a block."""

@@ -20,7 +20,13 @@ _FIRST_CLAIM = 1
 
 @dataclass(frozen=True)
 class WavefrontStrips(Strips):
-    """Strips of an image shared out to work-groups, up to four sweeps a launch."""
+    """Strips of an image shared out to work-groups, up to four sweeps a launch.
+
+    Attributes
+    ----------
+    polls : int
+        How long a work-group waits for another in vain: so many looks at its counter, some hundred microseconds.
+    """
 
     file: ClassVar[str] = "wavefront_strips"
     before: ClassVar[tuple[str, ...]] = (
@@ -32,14 +38,22 @@ class WavefrontStrips(Strips):
     reason: ClassVar[str] = "A large image is shared out to the processors in strips, which vectors run along."
     sweeps_together: ClassVar[bool] = True
 
+    polls: int = 4000
+
     def counters(self, images: int, layout: Layout) -> int:
         """Of the groups, of the claims on strips, and of the strips."""
         return _FIRST_CLAIM + (1 + _APART) * images * self._strips(layout)
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """One launch."""
-        size = (self.work_groups,)
-        return run.launch(size, WORK_GROUP_OF_ONE, first_sweep=number, sweeps=count, sweeps_before=run.sweeps)
+        return run.launch(
+            (self.work_groups,),
+            WORK_GROUP_OF_ONE,
+            first_sweep=number,
+            sweeps=count,
+            sweeps_before=run.sweeps,
+            polls=self.polls,
+        )
 
     def is_done(self, run: Run) -> bool:
         """Whether each strip has been claimed for each sweep."""
