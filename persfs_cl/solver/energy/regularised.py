@@ -1,0 +1,166 @@
+"""From what a user gave for an image to its surface of least energy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from persfs_cl import masks
+from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.camera import PixelGrid
+from persfs_cl.choices import Precision
+from persfs_cl.preparation.inpaint import harmonic
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.energy.minimise import Minimum, Stopping, minimise
+from persfs_cl.solver.energy.prior import Prior
+from persfs_cl.solver.energy.view import View
+from persfs_cl.solver.energy.weights import weights_for
+
+_GRIDS, _GRIDS_OF_PRIOR = 6, 4
+"""At most; a prior has the large forms."""
+_TILT, _TILTED = 0.05, 10
+"""Slope of the surface to begin with, and over how many pixels from a known value it rises: a level one would not tell
+which way to go under a light from the front."""
+
+
+@dataclass(frozen=True)
+class Sought:
+    """An image, and what is known of its surface. Arrays have the shape (height, width).
+
+    Attributes
+    ----------
+    image : ndarray of float64
+        Brightness of a surface that returns all light.
+    grid : PixelGrid
+    light : Light
+    reflectance : Reflectance
+    solved : ndarray of bool
+        Pixels to find the depth of.
+    known : ndarray of float64
+        ln z of pixels that keep it, NaN elsewhere.
+    limits : ndarray of float64, shape (2, height, width), or None
+        Bounds of ln z from below and from above, NaN where there is none.
+    prior : Prior or None
+    sign : float
+        +1 where the surface goes away from known values, -1 where it comes towards the camera.
+    """
+
+    image: Array
+    grid: PixelGrid
+    light: Light
+    reflectance: Reflectance
+    solved: Mask
+    known: Array
+    limits: Array | None = None
+    prior: Prior | None = None
+    sign: float = 1.0
+
+
+def regularised(
+    device: Device,
+    sought: Sought,
+    stopping: Stopping,
+    *,
+    paint: str | float = "plain",
+    smoothing: float | None = None,
+    precision: Precision = "float32",
+    start: Array | None = None,
+) -> Minimum:
+    """Find the surface of least energy.
+
+    Parameters
+    ----------
+    device : Device
+    sought : Sought
+    stopping : Stopping
+    paint : "plain", "painted" or float
+        How far brightness varies beyond the shading; a number is the spread of ln albedo.
+    smoothing : float, optional
+        Pixels to smooth over; 0.15 for plain surfaces and 5 for painted ones when not given.
+    precision : {"float32", "float64"}
+    start : ndarray of float64, shape (height, width), optional
+        ln z to begin with; from the prior, or else from known values, when not given.
+
+    Returns
+    -------
+    Minimum
+        In ln z.
+    """
+    first = _start(sought) if start is None else start
+    first = np.where(np.isnan(sought.known), first, sought.known)
+    present = sought.solved | ~np.isnan(sought.known)
+    # Single precision is for the relief.
+    level = float(np.median(first[present]))
+    light = sought.light.of_unit_gain.in_unit(math.exp(level))
+    prior = sought.prior
+    nothing = np.full(sought.image.shape, np.nan)
+    sure = np.zeros_like(nothing) if prior is None else np.where(np.isnan(prior.log_depth), 0.0, 1.0 / prior.tolerance)
+    view = View(
+        image=np.where(sought.solved, sought.image / sought.light.scaled(np.ones((1, 1)), level), 1.0),
+        solved=sought.solved,
+        known=sought.known - level,
+        prior=nothing if prior is None else prior.log_depth - level,
+        certainty=np.where(sought.solved, sure, 0.0),
+        limits=None if sought.limits is None else sought.limits - level,
+        grid=sought.grid,
+    )
+    first = first - level
+    spacing = None if prior is None else prior.spacing
+    weights = weights_for(view, first, light, sought.reflectance, paint, smoothing, spacing)
+    found = minimise(
+        device,
+        view,
+        first,
+        light,
+        sought.reflectance,
+        weights,
+        stopping,
+        precision=precision,
+        most_grids=_GRIDS if prior is None else _GRIDS_OF_PRIOR,
+    )
+    found.log_depth = np.where(sought.solved, found.log_depth + level, sought.known)
+    return found
+
+
+def _start(sought: Sought) -> Array:
+    """ln z to begin with: of the prior, of what the brightness of a surface face on tells, or between known values."""
+    known = ~np.isnan(sought.known)
+    if sought.prior is not None:
+        given = np.where(known, sought.known, sought.prior.log_depth)
+    elif sought.light.determines_depth:
+        model = sought.light.model(sought.reflectance)
+        _, first, level = model.start(sought.image, sought.solved, sought.grid)
+        return np.where(known, sought.known, first + level)
+    else:
+        given = sought.known
+        if sought.limits is not None:
+            given = np.where(known, given, _middle(sought.limits))
+    there = ~np.isnan(given)
+    filled = _filled(given, sought.solved & ~there, there)
+    if sought.prior is None:
+        steps = masks.straight_steps_from(known) if known.any() else np.zeros(known.shape)
+        filled = filled + sought.sign * _TILT * np.minimum(steps, _TILTED) * max(sought.grid.dx, sought.grid.dy)
+    return filled
+
+
+def _middle(limits: Array) -> Array:
+    """Between bounds; on one where there is no other."""
+    lower, upper = limits
+    return np.where(np.isnan(lower), upper, np.where(np.isnan(upper), lower, 0.5 * (lower + upper)))
+
+
+def _filled(values: Array, unknown: Mask, given: Mask) -> Array:
+    """With values between those given; a typical one where no way leads from them."""
+    if not unknown.any():
+        return values
+    typical = float(np.median(values[given]))
+    reached = masks.connected(given, given | unknown)
+    filled = np.where(given, values, typical)
+    inside = unknown & reached
+    if inside.any():
+        filled[inside] = harmonic(values, inside, given)[inside]
+    return filled
