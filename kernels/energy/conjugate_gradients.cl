@@ -1,73 +1,69 @@
 /* Steps of the method of conjugate gradients for A d = b, with the matrix of normal_equations.cl; which in what order,
- * and with which numbers, persfs_cl/_cl/energy.py says. Each work-item does one pixel; global size (width rounded up to
- * GROUP, height). All arrays are padded.
+ * and with which numbers, persfs_cl/_cl/energy.py says. Global size (work-items of a row, height). All arrays are padded.
  */
 
-/* product = A direction, 0 for what does not move; of each group the sum of product times direction. */
+/* product = A direction, 0 for what does not move; of each work-item the sum of product times direction. */
 __kernel void multiply(__global const real *matrix,           /* seven planes                       */
                        __global const real *inverse_diagonal, /* 0 for what does not move           */
                        __global const real *direction,        /* 0 there                            */
                        __global real *product,                /* result                             */
-                       __global real *partial,                /* a sum of each group                */
+                       __global real *partial,                /* a sum of each work-item             */
                        const int width,                       /* pixels                             */
                        const int height,                      /* pixels                             */
                        const int stride)                      /* of padded rows                     */
 {
-    __local real shared[GROUP];
-    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-    real share = 0;
-    if (column < width) {
-        const size_t cell = cell_at(column, row, stride), line = (size_t)stride;
-        const size_t plane = line * (size_t)(height + 2 * PAD);
+    const int row = (int)get_global_id(1);
+    const size_t line = (size_t)stride, plane = line * (size_t)(height + 2 * PAD);
+    number total = 0;
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
         __global const real *v = direction + cell, *a = matrix + cell;
-        real sum = a[0] * v[0];
+        const number here = LOAD(v);
+        number sum = LOAD(a) * here;
         a += plane;
-        sum += a[0] * v[1] + a[-1] * v[-1];
+        sum = multiply_add(LOAD(a), LOAD(v + 1), multiply_add(LOAD(a - 1), LOAD(v - 1), sum));
         a += plane;
-        sum += a[0] * v[2] + a[-2] * v[-2];
+        sum = multiply_add(LOAD(a), LOAD(v + 2), multiply_add(LOAD(a - 2), LOAD(v - 2), sum));
         a += plane;
-        sum += a[0] * v[line] + *(a - line) * *(v - line);
+        sum = multiply_add(LOAD(a), LOAD(v + line), multiply_add(LOAD(a - line), LOAD(v - line), sum));
         a += plane;
-        sum += a[0] * v[2 * line] + *(a - 2 * line) * *(v - 2 * line);
+        sum = multiply_add(LOAD(a), LOAD(v + 2 * line), multiply_add(LOAD(a - 2 * line), LOAD(v - 2 * line), sum));
         a += plane;
-        sum += a[0] * v[line + 1] + *(a - line - 1) * *(v - line - 1);
+        sum = multiply_add(LOAD(a), LOAD(v + line + 1), multiply_add(LOAD(a - line - 1), LOAD(v - line - 1), sum));
         a += plane;
-        sum += a[0] * v[line - 1] + *(a - line + 1) * *(v - line + 1);
-        const real result = inverse_diagonal[cell] > 0 ? sum : (real)0;
-        product[cell] = result;
-        share = result * v[0];
+        sum = multiply_add(LOAD(a), LOAD(v + line - 1), multiply_add(LOAD(a - line + 1), LOAD(v - line + 1), sum));
+        const number result = choose(LOAD(inverse_diagonal + cell) > 0, sum, 0);
+        STORE(product + cell, result);
+        total = multiply_add(result, here, total);
     }
-    const real total = sum_of_group(share, shared);
-    if (get_local_id(0) == 0)
-        partial[get_global_id(1) * get_num_groups(0) + get_group_id(0)] = total;
+    partial[place_of_item()] = sum_of_lanes(total);
 }
 
 /* The remainder by 1 over the diagonal, and what coarser grids make of it, which `coarse_correction` holds on the next
- * one; of each group the sum of its product with the remainder.
+ * one; of each work-item the sum of its product with the remainder.
  */
 __kernel void precondition(__global const real *remainder,         /* b - A d                            */
                            __global const real *inverse_diagonal,  /* 0 for what does not move           */
                            __global const real *coarse_correction, /* padded array of the next grid      */
                            __global real *correction,              /* result                             */
-                           __global real *partial,                 /* a sum of each group                */
+                           __global real *partial,                 /* a sum of each work-item             */
                            const int width,                        /* pixels                             */
                            const int stride,                       /* of padded rows                     */
                            const int coarse_stride)                /* of those of the next grid          */
 {
-    __local real shared[GROUP];
-    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-    real share = 0;
-    if (column < width) {
+    const int row = (int)get_global_id(1);
+    number total = 0;
+    FOR_EACH_OF_ROW(column)
+    {
         const size_t cell = cell_at(column, row, stride);
-        const real inverse = inverse_diagonal[cell], rest = remainder[cell];
-        const real from_coarse = interpolated(coarse_correction, column, row, coarse_stride);
-        const real result = inverse > 0 ? multiply_add(inverse, rest, from_coarse) : (real)0;
-        correction[cell] = result;
-        share = result * rest;
+        const number inverse = LOAD(inverse_diagonal + cell), rest = LOAD(remainder + cell);
+        const number from_coarse = interpolated(coarse_correction, column, row, coarse_stride);
+        const number result = choose(inverse > 0, multiply_add(inverse, rest, from_coarse), 0);
+        STORE(correction + cell, result);
+        total = multiply_add(result, rest, total);
     }
-    const real total = sum_of_group(share, shared);
-    if (get_local_id(0) == 0)
-        partial[get_global_id(1) * get_num_groups(0) + get_group_id(0)] = total;
+    partial[place_of_item()] = sum_of_lanes(total);
 }
 
 /* direction = correction + turn direction. */
@@ -77,11 +73,13 @@ __kernel void turn_direction(__global const real *correction, /* padded         
                              const int width,                 /* pixels           */
                              const int stride)                /* of padded rows   */
 {
-    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-    if (column >= width)
-        return;
-    const size_t cell = cell_at(column, row, stride);
-    direction[cell] = turn != 0 ? multiply_add(turn, direction[cell], correction[cell]) : correction[cell];
+    const int row = (int)get_global_id(1);
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
+        const number next = LOAD(correction + cell);
+        STORE(direction + cell, turn != 0 ? multiply_add(turn, LOAD(direction + cell), next) : next);
+    }
 }
 
 /* step += length direction, remainder -= length product. */
@@ -94,43 +92,44 @@ __kernel void advance(__global const real *direction, /* padded                 
                       const int width,                /* pixels                              */
                       const int stride)               /* of padded rows                      */
 {
-    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-    if (column >= width)
-        return;
-    const size_t cell = cell_at(column, row, stride);
-    step[cell] = multiply_add(length, direction[cell], first ? (real)0 : step[cell]);
-    remainder[cell] = fnma(length, product[cell], remainder[cell]);
+    const int row = (int)get_global_id(1);
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
+        const number part = length * LOAD(direction + cell);
+        STORE(step + cell, first ? part : LOAD(step + cell) + part);
+        STORE(remainder + cell, fnma(length, LOAD(product + cell), LOAD(remainder + cell)));
+    }
 }
 
-/* Z goes by the step, within its bounds; `before` keeps what it was. Of each group the largest change. */
+/* Z goes by the step, within its bounds; `before` keeps what it was. Of each work-item the largest change. */
 __kernel void move(__global const real *step,   /* padded                                                      */
                    __global const real *limits, /* lower and upper bounds, NaN for none; two planes, padded; read
                                                    where BOUNDED is 1                                          */
                    __global real *log_depth,    /* Z, changed in place                                         */
                    __global real *before,       /* result, padded                                              */
-                   __global real *partial,      /* a number of each group                                      */
+                   __global real *partial,      /* a number of each work-item                                   */
+                   const real stretch,          /* of the step                                                 */
                    const int width,             /* pixels                                                      */
                    const int height,            /* pixels                                                      */
                    const int stride)            /* of padded rows                                              */
 {
-    __local real shared[GROUP];
-    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-    real change = 0;
-    if (column < width) {
+    const int row = (int)get_global_id(1);
+    number most_changed = 0;
+    FOR_EACH_OF_ROW(column)
+    {
         const size_t cell = cell_at(column, row, stride);
-        const real here = log_depth[cell];
-        real moved = here + step[cell];
+        const number here = LOAD(log_depth + cell);
+        number moved = multiply_add(stretch, LOAD(step + cell), here);
 #if BOUNDED
         const size_t plane = (size_t)stride * (size_t)(height + 2 * PAD);
-        const real lower = limits[cell], upper = limits[plane + cell];
+        const number lower = LOAD(limits + cell), upper = LOAD(limits + plane + cell);
         moved = lower > moved ? lower : moved;
         moved = upper < moved ? upper : moved;
 #endif
-        before[cell] = here;
-        log_depth[cell] = moved;
-        change = magnitude(moved - here);
+        STORE(before + cell, here);
+        STORE(log_depth + cell, moved);
+        most_changed = most(most_changed, magnitude(moved - here));
     }
-    const real most_changed = most_of_group(change, shared);
-    if (get_local_id(0) == 0)
-        partial[get_global_id(1) * get_num_groups(0) + get_group_id(0)] = most_changed;
+    partial[place_of_item()] = most_of_lanes(most_changed);
 }

@@ -11,21 +11,21 @@
  * with B = (R + sqrt(R^2 + 4 floor^2)) / 2, the brightness R of the surface, which stays above 0 in shadow. Slopes are
  * central differences, one-sided where a neighbour is missing, and 0 where both are.
  *
- * One work-item does one pixel; global size (width rounded up to GROUP, height). It reads Z there and around, and writes
- * the derivatives of its residual by Z of the pixel and of its neighbours left, right, above and below, and the residual,
- * both times the square root of the weight; the weights of the second differences along x, along y and across, that of
- * the square whose first corner it is; and the prior's part of the matrix and of the gradient. Of each group it writes
- * the energy, and two sums from which the best `white` follows.
+ * Global size (work-items of a row, height). Of each pixel Z is read there and around, and written are the derivatives of
+ * its residual by Z of the pixel and of its neighbours left, right, above and below, and the residual, both times the
+ * square root of the weight; the weights of the second differences along x, along y and across, that of the square whose
+ * first corner it is; and the prior's part of the matrix and of the gradient. Each work-item writes its part of the
+ * energy, and of two sums from which the best `white` follows.
  */
-static inline real cauchy(const real square, const real scale)
+static inline number cauchy(const number square, const real scale)
 {
     return 0.5f * scale * scale * logarithm(1 + square);
 }
 
-/* From the ratio of a difference to the scale: Charbonnier's function, divided by the square of the scale. The plain
- * form would lose small differences.
+/* From the square of the ratio of a difference to the scale: Charbonnier's function, divided by the square of the scale.
+ * The plain form would lose small differences.
  */
-static inline real charbonnier(const real square)
+static inline number charbonnier(const number square)
 {
     return square / (root(1 + square) + 1);
 }
@@ -36,13 +36,13 @@ __kernel void linearise(__global const real *log_depth,  /* Z less a level, padd
                         __global const real *prior,      /* G less the level, padded                            */
                         __global const real *certainty,  /* 1 / tolerance, 0 where there is no prior, padded    */
                         __global const parameter_set *parameters, /* of light and material                      */
-                        __global const real *columns,    /* x, shape (width,)                                   */
+                        __global const real *columns,    /* x, for as many pixels as rows are apart             */
                         __global const real *lines,      /* y, shape (height,)                                  */
                         __global real *derivatives,      /* five planes, padded                                 */
                         __global real *residuals,        /* padded                                              */
                         __global real *curvature_weights, /* three planes, padded                               */
                         __global real *prior_terms,      /* two planes, padded                                  */
-                        __global real *partial,          /* three sums of each group                            */
+                        __global real *partial,          /* three sums of each work-item                        */
                         const real noise,                /* of brightness, or the spread of ln albedo           */
                         const real share,                /* of E by which the model may err                     */
                         const real floor_brightness,     /* floor                                               */
@@ -60,94 +60,97 @@ __kernel void linearise(__global const real *log_depth,  /* Z less a level, padd
                         const int height,                /* pixels                                              */
                         const int stride)                /* of padded rows                                      */
 {
-    __local real shared[GROUP];
-    const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-    real energy = 0, white_sum = 0, white_weight = 0;
-    if (column < width) {
-        const size_t cell = cell_at(column, row, stride), plane = (size_t)stride * (size_t)(height + 2 * PAD);
-        const int flag = flags[cell];
-        const real here = log_depth[cell];
-        const real left = log_depth[cell - 1], right = log_depth[cell + 1];
-        const real up = log_depth[cell - (size_t)stride], down = log_depth[cell + (size_t)stride];
+    const int row = (int)get_global_id(1);
+    const size_t line = (size_t)stride, plane = line * (size_t)(height + 2 * PAD);
+    const parameter_set numbers = parameters[0];
+    const real per_dx = 2 * numbers.half_inverse_dx, per_dy = 2 * numbers.half_inverse_dy;
+    const real bend = ROOT(bend_x * bend_y);
+    /* The mixed derivative counts twice, as in the norm of a matrix. */
+    const real share_of[3] = {smoothness, smoothness, 2 * smoothness};
+    const real strength[3] = {smoothness * bend_x * bend_x, smoothness * bend_y * bend_y,
+                              2 * smoothness * bend_x * bend_y};
+    number energy = 0, white_sum = 0, white_weight = 0;
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
+        const integer flag = GATHER(integer, flags + cell, 1), flag_below = GATHER(integer, flags + cell + line, 1);
+        const number here = LOAD(log_depth + cell);
+        const number left = LOAD(log_depth + cell - 1), right = LOAD(log_depth + cell + 1);
+        const number up = LOAD(log_depth + cell - line), down = LOAD(log_depth + cell + line);
+        const number opposite = LOAD(log_depth + cell + line + 1);
 
-        const real from_left = flag & NO_LEFT ? (real)0 : (flag & NO_RIGHT ? (real)-1 : (real)-0.5f);
-        const real from_right = flag & NO_RIGHT ? (real)0 : (flag & NO_LEFT ? (real)1 : (real)0.5f);
-        const real from_up = flag & NO_UP ? (real)0 : (flag & NO_DOWN ? (real)-1 : (real)-0.5f);
-        const real from_down = flag & NO_DOWN ? (real)0 : (flag & NO_UP ? (real)1 : (real)0.5f);
-        const parameter_set numbers = parameters[0];
-        const real per_dx = 2 * numbers.half_inverse_dx, per_dy = 2 * numbers.half_inverse_dy;
+        const integer has_left = (flag & NO_LEFT) == 0, has_right = (flag & NO_RIGHT) == 0;
+        const integer has_up = (flag & NO_UP) == 0, has_down = (flag & NO_DOWN) == 0;
+        const number from_left = choose(has_left, choose(has_right, -0.5f, -1), 0);
+        const number from_right = choose(has_right, choose(has_left, 0.5f, 1), 0);
+        const number from_up = choose(has_up, choose(has_down, -0.5f, -1), 0);
+        const number from_down = choose(has_down, choose(has_up, 0.5f, 1), 0);
         /* Differences first: of large numbers nothing small must be left over. */
-        const real p = per_dx * (from_right * (right - here) - from_left * (here - left));
-        const real q = per_dy * (from_down * (down - here) - from_up * (here - up));
-        real slopes[3];
-        const real shaded = shade(here, p, q, columns[column], lines[row], &numbers, slopes);
-        const real span = root(multiply_add(shaded, shaded, 4 * floor_brightness * floor_brightness));
-        const real least_shade = floor_brightness * floor_brightness;
+        const number p = per_dx * (from_right * (right - here) - from_left * (here - left));
+        const number q = per_dy * (from_down * (down - here) - from_up * (here - up));
+        number slopes[3];
+        const number x = LOAD(columns + column), y = lines[row];
+        const number shaded = shade(here, p, q, x, y, &numbers, slopes);
+        const number square_floor = floor_brightness * floor_brightness;
+        const number span = root(multiply_add(shaded, shaded, 4 * square_floor));
         /* Of two forms that in which nothing cancels. */
-        const real lifted = shaded > 0 ? 0.5f * (shaded + span) : 2 * least_shade / (span - shaded);
-        const int counts = flag & SWEPT;
-        const real given = counts ? brightness[cell] : (real)1;
+        const number lifted = choose(shaded > 0, 0.5f * (shaded + span), 2 * square_floor / (span - shaded));
+        const integer counts = (flag & SWEPT) != 0;
+        const number given = choose(counts, LOAD(brightness + cell), 1);
 #if PAINTED
-        const real lit_share = given / (given + 3 * dark), per_spread = lit_share / noise;
-        const real apart = logarithm((given + dark) / lifted);
-        const real residual = (apart - white) * per_spread;
-        const real by_shade = -per_spread / span;
+        const number per_spread = given / (given + 3 * dark) / noise;
+        const number apart = logarithm((given + dark) / lifted);
+        const number residual = (apart - white) * per_spread;
+        const number by_shade = -per_spread / span;
 #else
-        const real per_sigma = 1 / root(multiply_add(noise, noise, share * share * given * given));
-        const real residual = (given - lifted) * per_sigma;
-        const real by_shade = -per_sigma * lifted / span;
+        const number per_sigma = 1 / root(multiply_add(share * given, share * given, noise * noise));
+        const number residual = (given - lifted) * per_sigma;
+        const number by_shade = -per_sigma * lifted / span;
 #endif
-        const real ratio = residual / scale, square = ratio * ratio;
-        const real robust = counts ? weight / (1 + square) : (real)0;
-        const real half_weight = root(robust), factor = half_weight * by_shade;
-        const real along_x = factor * slopes[1] * per_dx, along_y = factor * slopes[2] * per_dy;
-        derivatives[cell] = factor * slopes[0] - along_x * (from_left + from_right) - along_y * (from_up + from_down);
-        derivatives[plane + cell] = along_x * from_left;
-        derivatives[2 * plane + cell] = along_x * from_right;
-        derivatives[3 * plane + cell] = along_y * from_up;
-        derivatives[4 * plane + cell] = along_y * from_down;
-        residuals[cell] = half_weight * residual;
-        energy = counts ? weight * cauchy(square, scale) : (real)0;
+        const number ratio = residual / scale, square = ratio * ratio;
+        const number robust = choose(counts, weight / (1 + square), 0);
+        const number half_weight = root(robust), factor = half_weight * by_shade;
+        const number along_x = factor * slopes[1] * per_dx, along_y = factor * slopes[2] * per_dy;
+        STORE(derivatives + cell,
+              factor * slopes[0] - along_x * (from_left + from_right) - along_y * (from_up + from_down));
+        STORE(derivatives + plane + cell, along_x * from_left);
+        STORE(derivatives + 2 * plane + cell, along_x * from_right);
+        STORE(derivatives + 3 * plane + cell, along_y * from_up);
+        STORE(derivatives + 4 * plane + cell, along_y * from_down);
+        STORE(residuals + cell, half_weight * residual);
+        energy += choose(counts, weight * cauchy(square, scale), 0);
 #if PAINTED
-        white_weight = robust * per_spread * per_spread;
-        white_sum = white_weight * apart;
+        white_weight += robust * per_spread * per_spread;
+        white_sum += robust * per_spread * per_spread * apart;
 #endif
 
-        const real sure = certainty[cell], off = (here - prior[cell]) * sure;
-        const real off_ratio = off / prior_scale, off_square = off_ratio * off_ratio;
-        const real pull = prior_weight * sure / (1 + off_square);
-        prior_terms[cell] = pull * sure;
-        prior_terms[plane + cell] = pull * off;
-        energy += sure > 0 ? prior_weight * cauchy(off_square, prior_scale) : (real)0;
+        const number sure = LOAD(certainty + cell), off = (here - LOAD(prior + cell)) * sure;
+        const number off_ratio = off / prior_scale, off_square = off_ratio * off_ratio;
+        const number pull = prior_weight * sure / (1 + off_square);
+        STORE(prior_terms + cell, pull * sure);
+        STORE(prior_terms + plane + cell, pull * off);
+        energy += choose(sure > 0, prior_weight * cauchy(off_square, prior_scale), 0);
 
-        const int in_row = !(flag & (NO_LEFT | NO_RIGHT)), in_column = !(flag & (NO_UP | NO_DOWN));
-        const int in_square = !(flag & (NO_RIGHT | NO_DOWN)) && !(flags[cell + (size_t)stride] & NO_RIGHT);
-        const real opposite = log_depth[cell + (size_t)stride + 1];
-        const real bend = root(bend_x * bend_y);
-        const real bent[3] = {
-            in_row ? bend_x * ((right - here) - (here - left)) : (real)0,
-            in_column ? bend_y * ((down - here) - (here - up)) : (real)0,
-            in_square ? bend * ((opposite - down) - (right - here)) : (real)0,
+        const integer there[3] = {
+            has_left & has_right,
+            has_up & has_down,
+            has_right & has_down & ((flag_below & NO_RIGHT) == 0),
         };
-        /* The mixed derivative counts twice, as in the norm of a matrix. */
-        const real strength[3] = {smoothness * bend_x * bend_x, smoothness * bend_y * bend_y,
-                                  2 * smoothness * bend_x * bend_y};
-        const int there[3] = {in_row, in_column, in_square};
-        const real share_of[3] = {smoothness, smoothness, 2 * smoothness};
+        const number bent[3] = {
+            bend_x * ((right - here) - (here - left)),
+            bend_y * ((down - here) - (here - up)),
+            bend * ((opposite - down) - (right - here)),
+        };
         for (int kind = 0; kind < 3; ++kind) {
-            const real bend_ratio = bent[kind] * inverse_crease, bend_square = bend_ratio * bend_ratio;
-            curvature_weights[kind * plane + cell] = there[kind] ? strength[kind] / root(1 + bend_square) : (real)0;
-            energy += share_of[kind] * charbonnier(bend_square) / (inverse_crease * inverse_crease);
+            const number bend_ratio = bent[kind] * inverse_crease, bend_square = bend_ratio * bend_ratio;
+            STORE(curvature_weights + kind * plane + cell,
+                  choose(there[kind], strength[kind] / root(1 + bend_square), 0));
+            energy += choose(there[kind], share_of[kind] * charbonnier(bend_square), 0) /
+                      (inverse_crease * inverse_crease);
         }
     }
-    const real sums[3] = {
-        sum_of_group(energy, shared),
-        sum_of_group(white_sum, shared),
-        sum_of_group(white_weight, shared),
-    };
-    if (get_local_id(0) == 0) {
-        const size_t group = get_global_id(1) * get_num_groups(0) + get_group_id(0);
-        for (int kind = 0; kind < 3; ++kind)
-            partial[3 * group + (size_t)kind] = sums[kind];
-    }
+    __global real *sums = partial + 3 * place_of_item();
+    sums[0] = sum_of_lanes(energy);
+    sums[1] = sum_of_lanes(white_sum);
+    sums[2] = sum_of_lanes(white_weight);
 }

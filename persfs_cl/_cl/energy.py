@@ -15,13 +15,18 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.kernel import kernel
 from persfs_cl._cl.parameters import records
+from persfs_cl._cl.registers import lanes
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP
 
 _PAD = 2
-"""As in kernels/energy/group.cl."""
-_GROUP = 64
+"""As in kernels/energy/rows.cl."""
 _ALIGNED = 16
-"""Numbers of a row of a padded array are a multiple of so many."""
+"""Numbers of a row of a padded array are a multiple of so many, and at least so many more than pixels, for vectors that
+begin in the image."""
+_BEHIND = 64
+"""Numbers behind an array that may be read, though what they are plays no part."""
+_ITEMS = 64
+"""Work-items of a row where each does one pixel at a time."""
 
 _SMALLEST = 4
 _MOST_GRIDS = 7
@@ -85,7 +90,7 @@ class _Grid:
     @property
     def stride(self) -> int:
         """Of rows."""
-        return -(-(self.width + 2 * _PAD) // _ALIGNED) * _ALIGNED
+        return (-(-(self.width + 2 * _PAD) // _ALIGNED) + 1) * _ALIGNED
 
     @property
     def size(self) -> int:
@@ -148,19 +153,21 @@ class Descent:
         self._device, self._real = device, device.real(precision)
         height, width = terms.flags.shape
         self._grids = _grids(_Grid(width, height))
-        self._group = min(_GROUP, device.largest_group)
+        wide = lanes(device, precision)
+        # A vector wants a whole row, lest groups be too small to pay.
+        self._items = 1 if wide > 1 else min(_ITEMS, device.largest_group)
         definitions = {
-            "GROUP": self._group,
+            "LANES": wide,
             "PAINTED": int(terms.painted),
             "BOUNDED": int(terms.limits is not None),
         }
         with device.lock, in_words(device):
-            files = [*kernels, "group", "linearise"]
+            files = [*kernels, "rows", "linearise"]
             self._kernels = {
                 "linearise": kernel(device, files, precision, definitions, "linearise", list(terms.parameters))
             }
             definitions.pop("PAINTED")
-            files = ["group", "grids", "normal_equations", "conjugate_gradients"]
+            files = ["rows", "grids", "normal_equations", "conjugate_gradients"]
             for name in (
                 "assemble",
                 "multiply",
@@ -188,7 +195,7 @@ class Descent:
             "certainty": upload(device, grid.padded(terms.certainty, real)),
             "limits": upload(device, np.stack(padded_limits)),
             "parameters": upload(device, records([terms.parameters], real)),
-            "columns": upload(device, terms.x.astype(real)),
+            "columns": upload(device, np.pad(terms.x, (0, grid.stride - grid.width)).astype(real)),
             "lines": upload(device, terms.y.astype(real)),
             **terms.numbers,
             "width": grid.width,
@@ -212,8 +219,7 @@ class Descent:
             ("correction", 1),
         ):
             self._values[name] = self._zeros(planes * grid.size)
-        self._across = -(-grid.width // self._group)
-        self._partial = np.empty(3 * self._across * grid.height, real)
+        self._partial = np.empty(3 * self._items * grid.height, real)
         self._values["partial"] = allocate(device, self._partial.nbytes)
         self._coarse: list[dict[str, Any]] = [
             {
@@ -230,25 +236,22 @@ class Descent:
         self._values["coarse_correction"] = self._coarse[0]["correction"]
 
     def _zeros(self, count: int) -> cl.Buffer:
-        buffer = allocate(self._device, count * self._real.itemsize)
+        buffer = allocate(self._device, (count + _BEHIND) * self._real.itemsize)
         cl.enqueue_fill_buffer(self._device.queue, buffer, np.zeros(1, self._real), 0, buffer.size)
         return buffer
 
-    def _launch(self, name: str, width: int, height: int, values: Mapping[str, Any]) -> None:
-        # Of one size of groups for all images: drivers for processors compile a kernel anew for each.
-        group = self._group
-        self._kernels[name].launch(self._device, (-(-width // group) * group, height), (group, 1), values)
+    def _launch(self, name: str, height: int, values: Mapping[str, Any]) -> None:
+        # Groups of one size for all images: drivers for processors compile a kernel anew for each.
+        self._kernels[name].launch(self._device, (self._items, height), (self._items, 1), values)
 
     def _finest(self, name: str, **own: Any) -> None:
-        grid = self._grids[0]
-        self._launch(name, grid.width, grid.height, {**self._values, **own})
+        self._launch(name, self._grids[0].height, {**self._values, **own})
 
     def _sums(self, count: int = 1) -> NDArray[np.floating]:
-        """What the groups have found, shape (groups, count)."""
-        groups = self._across * self._grids[0].height
-        found = self._partial[: count * groups]
+        """What the work-items have found, shape (work-items, count)."""
+        found = self._partial[: count * self._items * self._grids[0].height]
         cl.enqueue_copy(self._device.queue, found, self._values["partial"])
-        return found.reshape(groups, count)
+        return found.reshape(-1, count)
 
     def linearise(self, white: float) -> Sums:
         """The energy at the surface as it is now, for a level of ln albedo; makes its terms ready for :meth:`solve`."""
@@ -277,7 +280,7 @@ class Descent:
         with self._device.lock, in_words(self._device):
             self._finest("assemble", damping=damping)
             for fine, coarse in self._pairs("diagonal_parts", "inverse_diagonal"):
-                self._launch("coarsen_diagonal", coarse["coarse_width"], coarse["coarse_height"], {**fine, **coarse})
+                self._launch("coarsen_diagonal", coarse["coarse_height"], {**fine, **coarse})
             first = last = self._precondition()
             turn, done = 0.0, 0
             # The first is made even if there is nothing to do: the step must become 0.
@@ -297,8 +300,8 @@ class Descent:
 
     def _precondition(self) -> float:
         """The correction for the remainder, and their product."""
-        for fine, coarse in self._pairs("remainder"):
-            self._launch("restrict_remainder", coarse["coarse_width"], coarse["coarse_height"], {**fine, **coarse})
+        for fine, coarse in self._pairs("remainder", "inverse_diagonal"):
+            self._launch("restrict_remainder", coarse["coarse_height"], {**fine, **coarse})
         for place in reversed(range(len(self._coarse))):
             own, coarser = self._coarse[place], self._coarse[min(place + 1, len(self._coarse) - 1)]
             values = {
@@ -307,7 +310,7 @@ class Descent:
                 "coarse_correction": coarser["correction"],
                 "coarse_stride": coarser["stride"],
             }
-            self._launch("correct_grid", own["width"], own["height"], values)
+            self._launch("correct_grid", own["height"], values)
         self._finest("precondition")
         return float(self._sums().sum(dtype=np.float64))
 
@@ -318,16 +321,16 @@ class Descent:
             yield fine, {f"coarse_{name}": coarse[name] for name in ("width", "height", "stride", *names)}
             fine = coarse
 
-    def move(self) -> float:
-        """Make the step; gives the largest change of Z."""
+    def move(self, stretch: float = 1.0) -> float:
+        """Make the step, so many times; gives the largest change of Z."""
         with self._device.lock, in_words(self._device):
-            self._finest("move")
+            self._finest("move", stretch=stretch)
             return float(self._sums().max())
 
     def go_back(self) -> None:
         """Undo the last step."""
-        with self._device.lock, in_words(self._device):
-            cl.enqueue_copy(self._device.queue, self._values["log_depth"], self._values["before"])
+        values = self._values
+        values["log_depth"], values["before"] = values["before"], values["log_depth"]
 
     def log_depth(self) -> NDArray[np.floating]:
         """Z less the level, shape (height, width)."""
@@ -341,8 +344,9 @@ class Descent:
         """Planes of one of the arrays, shape (planes, height, width)."""
         grid = self._grids[0]
         buffer = self._values[name]
-        planes = np.empty((buffer.size // (grid.size * self._real.itemsize), grid.size), self._real)
+        numbers = np.empty(buffer.size // self._real.itemsize, self._real)
         with self._device.lock, in_words(self._device):
-            cl.enqueue_copy(self._device.queue, planes, buffer)
+            cl.enqueue_copy(self._device.queue, numbers, buffer)
+        planes = numbers.size // grid.size
         rows, columns = grid.inside
-        return planes.reshape(len(planes), -1, grid.stride)[:, rows, columns]
+        return numbers[: planes * grid.size].reshape(planes, -1, grid.stride)[:, rows, columns]

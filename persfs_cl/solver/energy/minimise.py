@@ -31,6 +31,7 @@ _STEPS, _REDUCTION = 30, 0.1
 """Of the method of conjugate gradients: steps at most, and the remainder that is small enough."""
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e4
+_LONGER, _LONGEST = 1.3, 4.0
 _DAMPED_MORE, _DAMPED_LESS = 10.0, 0.2
 
 
@@ -191,15 +192,18 @@ def _descend(
         found.white = here.white
         here = descent.linearise(found.white)
     energies, changes = [here.energy], []
-    damping = _FIRST_DAMPING
+    damping, stretch = _FIRST_DAMPING, 1.0
     status = Status.MAX_ITERATIONS
     while len(found.changes) < stopping.max_iterations:
         descent.solve(damping, _STEPS, _REDUCTION)
-        change = descent.move()
+        change = descent.move(stretch)
         there = descent.linearise(found.white)
         if not there.energy <= here.energy:
             descent.go_back()
             descent.linearise(found.white)
+            if stretch > 1.0:
+                stretch = 1.0
+                continue
             damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
             if damping > _MOST_DAMPING:
                 # Nothing lower is found: what is left is rounding.
@@ -210,6 +214,7 @@ def _descend(
             found.white = there.white
             there = descent.linearise(found.white)
         damping = max(_DAMPED_LESS * damping, _LEAST_DAMPING)
+        stretch = min(_LONGER * stretch, _LONGEST)
         gained, here = here.energy - there.energy, there
         energies.append(here.energy)
         changes.append(change)
