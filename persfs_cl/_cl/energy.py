@@ -254,19 +254,24 @@ class Descent:
         return found.reshape(-1, count)
 
     def linearise(self, white: float) -> Sums:
-        """The energy at the surface as it is now, for a level of ln albedo; makes its terms ready for :meth:`solve`."""
+        """The energy at the surface as it is now, for a level of ln albedo; makes its terms ready for :meth:`assemble`."""
         with self._device.lock, in_words(self._device):
             self._finest("linearise", white=white)
             energy, weighted, weights = self._sums(3).sum(axis=0, dtype=np.float64)
         return Sums(float(energy), float(weighted / weights) if weights > 0.0 else 0.0)
 
-    def solve(self, damping: float, iterations: int, reduction: float) -> int:
+    def assemble(self, damping: float) -> None:
+        """Make matrix and right-hand side of what :meth:`linearise` found, the diagonal raised by a share."""
+        with self._device.lock, in_words(self._device):
+            self._finest("assemble", damping=damping)
+            for fine, coarse in self._pairs("diagonal_parts", "inverse_diagonal"):
+                self._launch("coarsen_diagonal", coarse["coarse_height"], {**fine, **coarse})
+
+    def solve(self, iterations: int, reduction: float) -> int:
         """Find the step to the minimum of the linearised energy, as far as so many iterations go.
 
         Parameters
         ----------
-        damping : float
-            Share by which the diagonal of the matrix is raised.
         iterations : int
             At most.
         reduction : float
@@ -278,9 +283,6 @@ class Descent:
             How many iterations it took.
         """
         with self._device.lock, in_words(self._device):
-            self._finest("assemble", damping=damping)
-            for fine, coarse in self._pairs("diagonal_parts", "inverse_diagonal"):
-                self._launch("coarsen_diagonal", coarse["coarse_height"], {**fine, **coarse})
             first = last = self._precondition()
             turn, done = 0.0, 0
             # The first is made even if there is nothing to do: the step must become 0.

@@ -174,6 +174,13 @@ def check(
         depths = within.with_known(depths)
     # Where neither is given.
     assumed = depths is None and within is None
+    if assumed and scheme.by_energy and not light.determines_depth:
+        raise InputError(
+            f"Nothing anchors the depth: under {keyword('light', light)} {keyword('scheme', scheme.name)} wants "
+            f"{keyword('known_depth')}, {keyword('guide')} or {keyword('depth_range')}. Give one of them, or photograph "
+            "with a flash that fades.",
+            argument="known_depth",
+        )
     if depths is not None:
         known = ~np.isnan(depths)
     else:
@@ -185,7 +192,7 @@ def check(
             argument="known_depth",
         )
     window = Window.whole(shape)
-    if not whole and (mask is not None or depths is not None):
+    if not (whole or scheme.by_energy) and (mask is not None or depths is not None):
         window = _window(wanted, known, model, assumed=assumed, walled=walls is not None)
     layout = lay_out(
         wanted,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import FARTHEST, NEAREST, warn
+from persfs_cl.solver.energy.minimise import Stopping
+from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch, stop_at_once
 from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
@@ -98,6 +100,8 @@ def attempt(
     device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None, numbers: Sequence[int]
 ) -> list[Attempt]:
     """Run the sweeps; see :func:`solve`."""
+    if problems[0].scheme.by_energy:
+        return [_minimised(device, problem, options, watch) for problem in problems]
     began = time.perf_counter()
     together = Iteration.of(device, problems, options, stop_at_once if watch and watch.stopped else watch)
     surfaces: Sequence[LogDepthAndDepth | None] = [None] * len(problems)
@@ -107,6 +111,31 @@ def attempt(
         rounds = solve_corrected(device, problems, found, together, options, watch, numbers)
     share = (time.perf_counter() - began) / len(problems)
     return [Attempt(*each, share) for each in zip(problems, together.split(), surfaces, rounds, strict=True)]
+
+
+def _minimised(device: Device, problem: Problem, options: Options, watch: Watch | None) -> Attempt:
+    """The surface of least energy of one problem."""
+    began = time.perf_counter()
+    stopping = Stopping(
+        tolerance=options["tolerance"],
+        by_distance=options["stopping"] == "distance",
+        max_iterations=options["max_iterations"],
+        callback=stop_at_once if watch and watch.stopped else watch,
+    )
+    found = regularised(
+        device,
+        Sought.of(problem),
+        stopping,
+        paint=options["paint"],
+        smoothing=options["smoothing"],
+        precision=options["precision"],
+    )
+    run = Iteration(
+        [], [found.changes], [found.status], [found.distance], "energy", found.build_seconds, found.kernel_seconds
+    )
+    # Its values are those of Z itself, whatever the sweeps would have solved for.
+    plain = replace(problem, level=found.level, sign=1.0, offset=np.zeros_like(problem.image))
+    return Attempt(problem, run, plain.depth(found.log_depth, converged=True), None, time.perf_counter() - began)
 
 
 def finish(device: Device, attempted: Attempt, options: Options) -> Finished:

@@ -27,7 +27,7 @@ _COARSE_ITERATIONS = 8
 _COARSE_GAIN = 1e-3
 """Share of the energy that an iteration on a coarse grid must gain to be worth another."""
 
-_STEPS, _REDUCTION = 30, 0.1
+_STEPS, _REDUCTION = 15, 0.3
 """Of the method of conjugate gradients: steps at most, and the remainder that is small enough."""
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e4
@@ -71,6 +71,8 @@ class Minimum:
     status : Status
     distance : float
         Estimate of max |Z - minimum|; NaN where that cannot be told.
+    level : float
+        What ln z has more than Z.
     white : float
         Level of ln albedo.
     build_seconds, kernel_seconds : float
@@ -81,6 +83,7 @@ class Minimum:
     energies: list[float] = field(default_factory=list)
     status: Status = Status.MAX_ITERATIONS
     distance: float = math.nan
+    level: float = 0.0
     white: float = 0.0
     build_seconds: float = 0.0
     kernel_seconds: float = 0.0
@@ -129,7 +132,7 @@ def minimise(
             values = np.where(np.isnan(coarse), first, coarse)
         values = _within(own, values)
         began = time.perf_counter()
-        terms = _terms(own, values, light, reflectance, weights)
+        terms = terms_of(own, values, light, reflectance, weights)
         descent = Descent(device, terms, ["elementary", reflectance.kernel, light.shading_kernel], precision)
         found.build_seconds += time.perf_counter() - began
         began = time.perf_counter()
@@ -155,7 +158,8 @@ def _within(view: View, values: Array) -> Array:
     return result
 
 
-def _terms(view: View, first: Array, light: Light, reflectance: Reflectance, weights: Weights) -> Terms:
+def terms_of(view: View, first: Array, light: Light, reflectance: Reflectance, weights: Weights) -> Terms:
+    """What the device is given of an energy, and of the surface to begin with."""
     grid = view.grid
     return Terms(
         log_depth=np.where(view.present, first, 0.0),
@@ -195,7 +199,8 @@ def _descend(
     damping, stretch = _FIRST_DAMPING, 1.0
     status = Status.MAX_ITERATIONS
     while len(found.changes) < stopping.max_iterations:
-        descent.solve(damping, _STEPS, _REDUCTION)
+        descent.assemble(damping)
+        descent.solve(_STEPS, _REDUCTION)
         change = descent.move(stretch)
         there = descent.linearise(found.white)
         if not there.energy <= here.energy:

@@ -19,6 +19,7 @@ from persfs_cl.solver.energy.minimise import Minimum, Stopping, minimise
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.view import View
 from persfs_cl.solver.energy.weights import weights_for
+from persfs_cl.solver.problem import Problem
 
 _GRIDS, _GRIDS_OF_PRIOR = 6, 4
 """At most; a prior has the large forms."""
@@ -59,6 +60,25 @@ class Sought:
     prior: Prior | None = None
     sign: float = 1.0
 
+    @classmethod
+    def of(cls, problem: Problem, prior: Prior | None = None) -> Sought:
+        """What a user gave."""
+        domain, limits = problem.domain, None
+        if problem.depth_range is not None:
+            within = problem.depth_range.cut(problem.window)
+            limits = np.where(domain.solved, np.log(np.stack([within.near, within.far])), np.nan)
+        return cls(
+            image=problem.image,
+            grid=problem.grid,
+            light=problem.model.light,
+            reflectance=problem.model.reflectance,
+            solved=domain.solved,
+            known=np.log(np.where(domain.known, problem.known_depth, np.nan)),
+            limits=limits,
+            prior=prior,
+            sign=problem.sign,
+        )
+
 
 def regularised(
     device: Device,
@@ -88,7 +108,6 @@ def regularised(
     Returns
     -------
     Minimum
-        In ln z.
     """
     first = _start(sought) if start is None else start
     first = np.where(np.isnan(sought.known), first, sought.known)
@@ -122,7 +141,7 @@ def regularised(
         precision=precision,
         most_grids=_GRIDS if prior is None else _GRIDS_OF_PRIOR,
     )
-    found.log_depth = np.where(sought.solved, found.log_depth + level, sought.known)
+    found.level = level
     return found
 
 
@@ -162,5 +181,5 @@ def _filled(values: Array, unknown: Mask, given: Mask) -> Array:
     filled = np.where(given, values, typical)
     inside = unknown & reached
     if inside.any():
-        filled[inside] = harmonic(values, inside, given)[inside]
+        filled[inside] = harmonic(values, inside, given)
     return filled
