@@ -14,6 +14,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import FARTHEST, NEAREST, warn
 from persfs_cl.solver.energy.minimise import Stopping
 from persfs_cl.solver.energy.regularised import Sought, regularised
+from persfs_cl.solver.energy.swept import swept
 from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch, stop_at_once
 from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
@@ -116,16 +117,18 @@ def attempt(
 def _minimised(device: Device, problem: Problem, options: Options, watch: Watch | None) -> Attempt:
     """The surface of least energy of one problem."""
     began = time.perf_counter()
+    stopped = watch is not None and watch.stopped
     stopping = Stopping(
         tolerance=options["tolerance"],
         by_distance=options["stopping"] == "distance",
         max_iterations=options["max_iterations"],
-        callback=stop_at_once if watch and watch.stopped else watch,
+        callback=stop_at_once if stopped else watch,
     )
     found = regularised(
         device,
         Sought.of(problem),
         stopping,
+        start=None if stopped else swept(device, problem, options),
         paint=options["paint"],
         smoothing=options["smoothing"],
         precision=options["precision"],

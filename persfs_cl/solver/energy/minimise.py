@@ -125,12 +125,11 @@ def minimise(
             del views[-1], starts[-1]
             break
     found = Minimum(starts[-1])
-    values = starts[-1]
+    # What the coarser grids have changed, so that the start keeps its fine forms.
+    change = np.zeros_like(starts[-1])
     for own, first in zip(reversed(views), reversed(starts), strict=True):
-        if values.shape != first.shape:
-            coarse = finer(values, np.isfinite(values), first.shape)
-            values = np.where(np.isnan(coarse), first, coarse)
-        values = _within(own, values)
+        change = change if change.shape == first.shape else _spread(change, first.shape)
+        values = _within(own, first + change)
         began = time.perf_counter()
         terms = terms_of(own, values, light, reflectance, weights)
         descent = Descent(device, terms, ["elementary", reflectance.kernel, light.shading_kernel], precision)
@@ -139,14 +138,21 @@ def minimise(
         _descend(descent, found, weights, stopping, precision, finest=own is view)
         found.kernel_seconds += time.perf_counter() - began
         values = np.where(own.present, descent.log_depth(), np.nan)
-        if found.status is Status.STOPPED and own is not view:
-            for finer_view, finer_start in zip(reversed(views), reversed(starts), strict=True):
-                if finer_view.spacing < own.spacing:
-                    coarse = finer(values, np.isfinite(values), finer_start.shape)
-                    values = _within(finer_view, np.where(np.isnan(coarse), finer_start, coarse))
+        change = values - first
+        if found.status is Status.STOPPED:
             break
+    if values.shape != start.shape:
+        for first in reversed(starts[: len(views) - 1]):
+            if first.size > change.size:
+                change = _spread(change, first.shape)
+        values = _within(view, start + change)
     found.log_depth = np.where(view.solved, values, view.known)
     return found
+
+
+def _spread(change: Array, shape: tuple[int, ...]) -> Array:
+    """What has changed, on the next finer grid; 0 where nothing near has."""
+    return np.nan_to_num(finer(change, np.isfinite(change), shape))
 
 
 def _within(view: View, values: Array) -> Array:

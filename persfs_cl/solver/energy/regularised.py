@@ -110,6 +110,9 @@ def regularised(
     Minimum
     """
     first = _start(sought) if start is None else start
+    missing = sought.solved & np.isnan(first)
+    if missing.any():
+        first = _filled(first, missing, ~np.isnan(first))
     first = np.where(np.isnan(sought.known), first, sought.known)
     present = sought.solved | ~np.isnan(sought.known)
     # Single precision is for the relief.

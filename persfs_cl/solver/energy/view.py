@@ -100,7 +100,7 @@ def means(values: Array, there: Mask) -> tuple[Array, NDArray[np.uint8]]:
     return np.divide(_sums(np.where(there, values, 0.0)), count, out=np.full(count.shape, np.nan), where=count > 0), count
 
 
-def finer(values: Array, there: Mask, shape: tuple[int, int]) -> Array:
+def finer(values: Array, there: Mask, shape: tuple[int, ...]) -> Array:
     """Values between those of a coarser grid that are there, linear; NaN where none is near."""
     weights = _interpolated(there.astype(np.float64), shape)
     found = _interpolated(np.where(there, values, 0.0), shape)
@@ -111,7 +111,7 @@ def _sums(values: NDArray[np.generic]) -> NDArray[np.generic]:
     return values[::2, ::2] + values[1::2, ::2] + values[::2, 1::2] + values[1::2, 1::2]  # type: ignore[operator,no-any-return] # numbers
 
 
-def _interpolated(coarse: Array, shape: tuple[int, int]) -> Array:
+def _interpolated(coarse: Array, shape: tuple[int, ...]) -> Array:
     """Linear between the middles of squares, 0 beyond the edge."""
     for axis, length in enumerate(shape):
         padded = np.pad(coarse, [(int(axis == other),) * 2 for other in range(2)])
