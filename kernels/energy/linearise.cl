@@ -1,9 +1,10 @@
 /* The energy of a surface, and what Gauss-Newton's method with reweighting makes of each of its terms:
  *
- *     sum W rho(r; C)  +  MU sum rho((Z - G) / tolerance; C')  +  LAMBDA sum |second differences of Z| (Charbonnier)
+ *     sum W rho(r; C)  +  MU sum phi((Z - G) / tolerance; C')  +  LAMBDA sum phi(second differences of Z; C'')
  *
- * rho(r; C) = C^2 / 2 ln(1 + (r / C)^2) is Cauchy's function, with the weight 1 / (1 + (r / C)^2); Charbonnier's is
- * C^2 (sqrt(1 + (d / C)^2) - 1), with the weight 1 / sqrt(1 + (d / C)^2). The residual of a pixel is
+ * rho(r; C) = C^2 / 2 ln(1 + (r / C)^2) is Cauchy's function, with the weight 1 / (1 + (r / C)^2), and
+ * phi(d; C) = C^2 (sqrt(1 + (d / C)^2) - 1) Charbonnier's, with the weight 1 / sqrt(1 + (d / C)^2). The former lets go of
+ * pixels that are far off, as highlights are, the latter pulls at them no less. The residual of a pixel is
  *
  *     PAINTED 0:   r = (E - B) / sigma,                        sigma^2 = noise^2 + (share E)^2
  *     PAINTED 1:   r = (ln(E + dark) - ln B - white) b / spread,    b = E / (E + 3 dark)
@@ -53,7 +54,7 @@ __kernel void linearise(__global const real *log_depth,  /* Z less a level, padd
                         const real prior_weight,         /* MU                                                  */
                         const real prior_scale,          /* C'                                                  */
                         const real smoothness,           /* LAMBDA                                              */
-                        const real inverse_crease,       /* 1 / scale of second differences                     */
+                        const real inverse_crease,       /* 1 / C''                                             */
                         const real bend_x,               /* from the second difference of Z to that of slopes   */
                         const real bend_y,               /* likewise                                            */
                         const int width,                 /* pixels                                              */
@@ -126,10 +127,10 @@ __kernel void linearise(__global const real *log_depth,  /* Z less a level, padd
 
         const number sure = LOAD(certainty + cell), off = (here - LOAD(prior + cell)) * sure;
         const number off_ratio = off / prior_scale, off_square = off_ratio * off_ratio;
-        const number pull = prior_weight * sure / (1 + off_square);
+        const number pull = prior_weight * sure / root(1 + off_square);
         STORE(prior_terms + cell, pull * sure);
         STORE(prior_terms + plane + cell, pull * off);
-        energy += choose(sure > 0, prior_weight * cauchy(off_square, prior_scale), 0);
+        energy += choose(sure > 0, prior_weight * prior_scale * prior_scale * charbonnier(off_square), 0);
 
         const integer there[3] = {
             has_left & has_right,

@@ -37,7 +37,7 @@ class Reference:
         counted = self.residuals(log_depth, white)
         shading = weights.weight * _cauchy(counted, weights.scale).sum()
         off = (log_depth - np.where(self.view.certainty > 0.0, self.view.prior, 0.0)) * self.view.certainty
-        prior = weights.prior_weight * _cauchy(off, weights.prior_scale).sum()
+        prior = weights.prior_weight * _charbonnier(off, weights.prior_scale).sum()
         bent = sum(share * _charbonnier(bend, weights.crease).sum() for share, bend in self.bends(log_depth))
         return float(shading + prior + weights.smoothness * bent)
 

@@ -118,7 +118,7 @@ def weights_for(
             weight=1.0,
             scale=3.0,
             prior_weight=prior_weight,
-            prior_scale=2.0,
+            prior_scale=0.5,
             smoothness=(over * _SENSITIVITY * middle / sigma) ** 2,
             crease=0.2,
         )
@@ -133,7 +133,7 @@ def weights_for(
         weight=weight,
         scale=1.8,
         prior_weight=prior_weight,
-        prior_scale=1.6,
+        prior_scale=0.5,
         smoothness=weight * (over * _SENSITIVITY / spread) ** 2,
         crease=0.02,
         white_is_free=prior_spacing is not None or not np.isnan(view.known).all(),

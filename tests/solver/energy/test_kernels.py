@@ -127,7 +127,7 @@ def jacobian(reference: Reference, log_depth: Array) -> Array:
     off = (log_depth - np.where(certainty > 0.0, reference.view.prior, 0.0)) * certainty
     factors = [
         weights.weight / (1.0 + (here[0] / weights.scale) ** 2),
-        weights.prior_weight / (1.0 + (off / weights.prior_scale) ** 2),
+        weights.prior_weight / np.sqrt(1.0 + (off / weights.prior_scale) ** 2),
         *(
             share * weights.smoothness / np.sqrt(1.0 + (bend / weights.crease) ** 2)
             for share, bend in reference.bends(log_depth)
