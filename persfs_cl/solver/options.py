@@ -205,7 +205,7 @@ class Options(TypedDict, total=False):
         Option(
             None,
             _smoothing,
-            "For regularised: over about how many pixels the surface is smoothed; 0.15 by default, 5 where painted.",
+            "For regularised: over about how many pixels the surface is smoothed; 1 by default, 20 where painted.",
         ),
     ]
     max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.")]

@@ -100,7 +100,7 @@ def regularised(
     paint : "plain", "painted" or float
         How far brightness varies beyond the shading; a number is the spread of ln albedo.
     smoothing : float, optional
-        Pixels to smooth over; 0.15 for plain surfaces and 5 for painted ones when not given.
+        Pixels to smooth over; 1 for plain surfaces and 20 for painted ones when not given.
     precision : {"float32", "float64"}
     start : ndarray of float64, shape (height, width), optional
         ln z to begin with; from the prior, or else from known values, when not given.

@@ -13,9 +13,9 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.energy.view import View
 
-SMOOTHING = 0.15
+SMOOTHING = 1.0
 """Pixels over which the surface is smoothed, when nothing else is said."""
-SMOOTHING_OF_PAINT = 5.0
+SMOOTHING_OF_PAINT = 20.0
 """The same of painted surfaces."""
 
 _TOP = 0.99
@@ -25,8 +25,9 @@ _LEAST_NOISE = 0.004
 _MODEL_ERROR = 0.03
 """Share of the brightness by which slopes between pixels, and light that comes from elsewhere, are off anyway."""
 _LEAST_SPREAD = 0.02
-_SENSITIVITY = 0.5
-"""By what share of the brightness a slope changes it, more or less."""
+_SENSITIVITY = 0.125
+"""Share of the brightness by which a slope changes it, in directions in which shading tells little. In others the surface
+is smoothed over fewer pixels."""
 _NORMAL = 1.4826
 """From the median of absolute values of a normal distribution to its standard deviation."""
 _PRIOR = 64.0
