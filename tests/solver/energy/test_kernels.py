@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import persfs_cl as ps
+from persfs_cl._cl import energy
 from persfs_cl._cl.energy import Descent
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -182,3 +183,21 @@ def test_matrix_and_step(device: ps.Device, precision: str, light: str, material
         step.ravel()[free], np.linalg.solve(found.astype(np.float64), right_hand_side), atol=1e-3 * np.abs(step).max()
     )
     assert not step[~reference.view.solved].any()
+
+
+def test_devices_without_vectors_find_the_same(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many work-items do a row, each a pixel at a time, as on a GPU."""
+    reference, log_depth = problem("lamp", "phong", PLAIN, (23, 70))
+    found = []
+    for narrow in (False, True):
+        if narrow:
+            monkeypatch.setattr(energy, "lanes", lambda _device, _precision: 1)
+        descent = descent_of(reference, log_depth, device, "float32")
+        sums = descent.linearise(0.0)
+        descent.assemble(1e-3)
+        descent.solve(8, 1e-3)
+        change = descent.move()
+        found.append((sums.energy, change, descent.log_depth()))
+    assert found[1][0] == pytest.approx(found[0][0], rel=1e-6)
+    assert found[1][1] == pytest.approx(found[0][1], rel=1e-3)
+    np.testing.assert_allclose(found[1][2], found[0][2], atol=1e-4 * found[0][1])
