@@ -254,7 +254,10 @@ class Descent:
         return found.reshape(-1, count)
 
     def linearise(self, white: float) -> Sums:
-        """The energy at the surface as it is now, for a level of ln albedo; makes its terms ready for :meth:`assemble`."""
+        """The energy of the surface as it is now, for a level of ln albedo.
+
+        Makes the terms ready for :meth:`assemble`.
+        """
         with self._device.lock, in_words(self._device):
             self._finest("linearise", white=white)
             energy, weighted, weights = self._sums(3).sum(axis=0, dtype=np.float64)

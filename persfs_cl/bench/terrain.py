@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -64,7 +64,7 @@ class Terrain:
         """The elevation model that Matplotlib ships, one pixel taken for 25 m, in 8 bits."""
         from matplotlib.cbook import get_sample_data
 
-        with get_sample_data("jacksboro_fault_dem.npz") as model:
+        with np.load(str(get_sample_data("jacksboro_fault_dem.npz", asfileobj=False))) as model:
             elevation = np.asarray(model["elevation"][: _SHAPE[0], : _SHAPE[1]], np.float64)
         height = _blurred(elevation / _METRES, _BLUR)
         height = height - height.mean()
@@ -109,7 +109,8 @@ def terrain(plan: Plan) -> Iterator[list[Record]]:
         for step in STEPS:
             shape = tuple(min(plan.size(edge), edge) // step * step for edge in _SHAPE)
             if 0 in shape:
-                yield [skip("terrain", _workload(noise, step, ENERGY), ERROR, ERROR_UNIT, 0, plan.precision, "too small")]
+                name = _workload(noise, step, ENERGY)
+                yield [skip("terrain", name, ERROR, ERROR_UNIT, 0, plan.precision, "the image is smaller than a block")]
                 continue
             yield _terrain(plan, noise, step, Terrain.photographed(noise, (shape[0], shape[1])))
 
@@ -178,8 +179,8 @@ def _guided(plan: Plan, name: str, scene: Scene) -> list[Record]:
     for way, depth in found.items():
         error = 100.0 * float(np.nanmean(np.abs(depth - scene.depth)[there])) / relief
         angle = _median_angle(normals_of(np.where(there, depth, np.nan), scene.camera), true)
-        for quantity in ((ERROR, ERROR_UNIT, error), (ANGLE, ANGLE_UNIT, angle)):
-            records.append(_record(plan, "guided", f"{name}: {way}", scene.image.shape[0], *quantity))
+        quantities = ((ERROR, ERROR_UNIT, error), (ANGLE, ANGLE_UNIT, angle))
+        records += [_record(plan, "guided", f"{name}: {way}", scene.image.shape[0], *each) for each in quantities]
     return records
 
 

@@ -175,8 +175,8 @@ class Options(TypedDict, total=False):
         Option(
             AUTO,
             _one_of(_schemes),
-            "lax-friedrichs is the paper's, upwind sharper and faster; regularised the surface of least energy, for what "
-            "has no frame. auto: upwind where the material permits it, and the boundary.",
+            "lax-friedrichs is the paper's, upwind sharper and faster; regularised the surface of least energy, for "
+            "what has no frame. auto: upwind where the material permits it, and the boundary.",
             choices=_schemes,
         ),
     ]

@@ -1,1 +1,1 @@
-"""The scheme "regularised": the surface of least energy, which an image, a prior depth and smoothness decide together."""
+"""The scheme "regularised": the surface of least energy, which image, prior depth and smoothness decide together."""

@@ -172,7 +172,8 @@ def _start(sought: Sought) -> Array:
 def _middle(limits: Array) -> Array:
     """Between bounds; on one where there is no other."""
     lower, upper = limits
-    return np.where(np.isnan(lower), upper, np.where(np.isnan(upper), lower, 0.5 * (lower + upper)))
+    middle: Array = np.where(np.isnan(lower), upper, np.where(np.isnan(upper), lower, 0.5 * (lower + upper)))
+    return middle
 
 
 def _filled(values: Array, unknown: Mask, given: Mask) -> Array:

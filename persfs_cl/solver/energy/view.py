@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import PixelGrid
 
+_Number = TypeVar("_Number", np.float64, np.uint8)
 _BESIDE = masks.NO_LEFT | masks.NO_RIGHT | masks.NO_UP | masks.NO_DOWN
 
 
@@ -95,20 +97,22 @@ def means(values: Array, there: Mask) -> tuple[Array, NDArray[np.uint8]]:
     if height % 2 or width % 2:
         values, there = np.pad(values, odd), np.pad(there, odd)
     count = _sums(there.view(np.uint8))
-    if count.min() == 4:
-        return 0.25 * _sums(values), count
-    return np.divide(_sums(np.where(there, values, 0.0)), count, out=np.full(count.shape, np.nan), where=count > 0), count
+    added = _sums(np.where(there, values, 0.0))
+    return np.divide(added, count, out=np.full(count.shape, np.nan), where=count > 0), count
 
 
 def finer(values: Array, there: Mask, shape: tuple[int, ...]) -> Array:
     """Values between those of a coarser grid that are there, linear; NaN where none is near."""
     weights = _interpolated(there.astype(np.float64), shape)
     found = _interpolated(np.where(there, values, 0.0), shape)
-    return np.divide(found, weights, out=np.full(shape, np.nan), where=weights > 0.0)
+    between: Array = np.divide(found, weights, out=np.full(shape, np.nan), where=weights > 0.0)
+    return between
 
 
-def _sums(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    return values[::2, ::2] + values[1::2, ::2] + values[::2, 1::2] + values[1::2, 1::2]  # type: ignore[operator,no-any-return] # numbers
+def _sums(values: NDArray[_Number]) -> NDArray[_Number]:
+    rows: NDArray[_Number] = np.add(values[::2], values[1::2])
+    sums: NDArray[_Number] = np.add(rows[:, ::2], rows[:, 1::2])
+    return sums
 
 
 def _interpolated(coarse: Array, shape: tuple[int, ...]) -> Array:
@@ -124,6 +128,8 @@ def _interpolated(coarse: Array, shape: tuple[int, ...]) -> Array:
 
 
 def _coarser_grid(grid: PixelGrid) -> PixelGrid:
-    x, y = (coordinate[0] + spacing * (0.5 + 2.0 * np.arange((coordinate.size + 1) // 2))
-            for coordinate, spacing in ((grid.x, grid.dx), (grid.y[:, 0], grid.dy)))
+    x, y = (
+        coordinate[0] + spacing * (0.5 + 2.0 * np.arange((coordinate.size + 1) // 2))
+        for coordinate, spacing in ((grid.x, grid.dx), (grid.y[:, 0], grid.dy))
+    )
     return PixelGrid(x, y[:, None], 2.0 * grid.dx, 2.0 * grid.dy)

@@ -26,8 +26,8 @@ _MODEL_ERROR = 0.03
 """Share of the brightness by which slopes between pixels, and light that comes from elsewhere, are off anyway."""
 _LEAST_SPREAD = 0.02
 _SENSITIVITY = 0.125
-"""Share of the brightness by which a slope changes it, in directions in which shading tells little. In others the surface
-is smoothed over fewer pixels."""
+"""Share of the brightness by which a slope changes it, in directions in which shading tells little. In others the
+surface is smoothed over fewer pixels."""
 _NORMAL = 1.4826
 """From the median of absolute values of a normal distribution to its standard deviation."""
 _PRIOR = 64.0
@@ -83,7 +83,12 @@ class Weights:
 
 
 def weights_for(
-    view: View, start: Array, light: Light, reflectance: Reflectance, paint: str | float, smoothing: float | None,
+    view: View,
+    start: Array,
+    light: Light,
+    reflectance: Reflectance,
+    paint: str | float,
+    smoothing: float | None,
     prior_spacing: float | None,
 ) -> Weights:
     """The weights for an image.
@@ -123,7 +128,9 @@ def weights_for(
             smoothness=(over * _SENSITIVITY * middle / sigma) ** 2,
             crease=0.2,
         )
-    spread = max(_LEAST_SPREAD, spread_of(view, start, light, reflectance, 0.02 * top) if paint == "painted" else float(paint))
+    spread = max(
+        _LEAST_SPREAD, spread_of(view, start, light, reflectance, 0.02 * top) if paint == "painted" else float(paint)
+    )
     over, weight = SMOOTHING_OF_PAINT if smoothing is None else smoothing, 0.08
     return Weights(
         painted=True,

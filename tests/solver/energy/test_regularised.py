@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -59,7 +61,7 @@ def test_terrain_is_better_than_its_prior(device: ps.Device) -> None:
 def test_the_energy_never_rises(device: ps.Device, precision: Precision, paint: str | float) -> None:
     energies = least(device, sought()[1], precision, paint=paint).energies
     assert len(energies) > 5
-    assert all(after <= before for before, after in zip(energies, energies[1:], strict=False))
+    assert all(after <= before for before, after in pairwise(energies))
     assert energies[-1] < 0.98 * energies[0]
 
 
@@ -104,9 +106,7 @@ LIGHTS = {
     ],
     ids=str,
 )
-def test_smooth_scenes_are_no_worse_than_by_the_sweeps(
-    device: ps.Device, light: str, reflectance: Reflectance
-) -> None:
+def test_smooth_scenes_are_no_worse_than_by_the_sweeps(device: ps.Device, light: str, reflectance: Reflectance) -> None:
     scene = ps.bump((64, 64), light=LIGHTS[light], reflectance=reflectance)
     known = None if LIGHTS[light].determines_depth else scene.known_depth
     options: dict[str, Any] = {
@@ -128,7 +128,8 @@ def test_noise_is_smoothed(device: ps.Device) -> None:
     swept = ps.reconstruct(scene.image, scene.camera, **options)
     errors = [
         ps.compare(
-            ps.reconstruct(scene.image, scene.camera, scheme="regularised", smoothing=over, **options).depth, scene.depth
+            ps.reconstruct(scene.image, scene.camera, scheme="regularised", smoothing=over, **options).depth,
+            scene.depth,
         ).mean
         for over in (0.2, 1.0)
     ]
@@ -176,6 +177,10 @@ def test_a_mask_and_walls(device: ps.Device) -> None:
     assert ps.compare(found.depth, scene.depth, mask=mask).mean < 0.01 * np.ptp(scene.depth)
 
 
+def until(last: int) -> Callable[[int, float], bool]:
+    return lambda iteration, _change: iteration == last
+
+
 def test_a_callback_hears_of_each_iteration_and_stops(device: ps.Device) -> None:
     scene = ps.bump((40, 50), light=ps.FlashLight(), noise=0.01)
     options: dict[str, Any] = {"light": scene.light, "scheme": "regularised", "device": device}
@@ -185,7 +190,7 @@ def test_a_callback_hears_of_each_iteration_and_stops(device: ps.Device) -> None
     )
     assert heard == list(enumerate(found.changes, start=1))
     for last in (1, found.iterations - 1):
-        stopped = ps.reconstruct(scene.image, scene.camera, callback=lambda at, _, last=last: at == last, **options)
+        stopped = ps.reconstruct(scene.image, scene.camera, callback=until(last), **options)
         assert stopped.status is ps.Status.STOPPED
         assert stopped.iterations == last
         assert np.isfinite(stopped.depth).all()
@@ -220,7 +225,7 @@ def test_what_means_nothing_is_refused(options: dict[str, Any], name: str) -> No
 @pytest.mark.parametrize("light", [ps.ParallelLight(), ps.FlashLight(falloff=False)], ids=str)
 def test_something_must_anchor_the_depth(light: ps.ParallelLight | ps.FlashLight) -> None:
     scene = ps.bump((20, 20), light=light)
-    with pytest.raises(ps.InputError, match="anchors the depth|tells of slopes only"):
+    with pytest.raises(ps.InputError, match=r"anchors the depth|tells of slopes only"):
         ps.reconstruct(scene.image, scene.camera, light=light, scheme="regularised")
 
 
