@@ -16,11 +16,13 @@ from persfs_cl.bench.accuracy import FLASH, scanned
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import skip
 from persfs_cl.bench.results import Record
+from persfs_cl.bench.solutions import TIME, TIME_UNIT, time_record, timed
 from persfs_cl.errors import InputError
 from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.scenes.meshes import stanford_bunny
 from persfs_cl.scenes.scene import Scene
-from persfs_cl.solver.energy.minimise import Minimum, Stopping
+from persfs_cl.shading.model import Light
+from persfs_cl.solver.energy.minimise import Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 
@@ -43,6 +45,9 @@ _PRIOR_NOISE = 0.003
 
 _GUIDED_SIZE, _GUIDED_STEP, _GUIDE_NOISE = 270, 9, 0.02
 _ITERATIONS = 300
+_SIZES = (512, 1024)
+_QUICK = 60
+"""Iterations, by which nearly all is done; what is left creeps."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +73,17 @@ class Terrain:
             elevation = np.asarray(model["elevation"][: _SHAPE[0], : _SHAPE[1]], np.float64)
         height = _blurred(elevation / _METRES, _BLUR)
         height = height - height.mean()
-        shaded = ps.ParallelLight.brightness(
-            _LIGHT, 0.0, -np.gradient(height, axis=1), -np.gradient(height, axis=0), 0.0, 0.0, ps.Lambertian()
-        )
-        noisy = np.clip(shaded, 0.0, 1.0) + np.random.default_rng(0).normal(0.0, noise, height.shape)
-        image = np.clip(np.round(255.0 * noisy), 0.0, 255.0) / 255.0
+        image = _in_8_bits(_shaded(height) + np.random.default_rng(0).normal(0.0, noise, height.shape))
         rows, columns = shape
         return cls(height[:rows, :columns], image[:rows, :columns])
+
+    def repeated(self, size: int) -> Terrain:
+        """A square of the ground and its mirror images, which the light makes another ground of."""
+        height = np.block([[self.height, self.height[:, ::-1]], [self.height[::-1], self.height[::-1, ::-1]]])
+        times = [-(-size // edge) for edge in height.shape]
+        square = np.tile(height, times)[:size, :size]
+        noise = np.random.default_rng(0).normal(0.0, 0.01, square.shape)
+        return Terrain(square, _in_8_bits(_shaded(square) + noise))
 
     @property
     def camera(self) -> ps.Camera:
@@ -109,7 +118,7 @@ def terrain(plan: Plan) -> Iterator[list[Record]]:
         for step in STEPS:
             shape = tuple(min(plan.size(edge), edge) // step * step for edge in _SHAPE)
             if 0 in shape:
-                name = _workload(noise, step, ENERGY)
+                name = workload(noise, step, ENERGY)
                 yield [skip("terrain", name, ERROR, ERROR_UNIT, 0, plan.precision, "the image is smaller than a block")]
                 continue
             yield _terrain(plan, noise, step, Terrain.photographed(noise, (shape[0], shape[1])))
@@ -140,14 +149,14 @@ def _terrain(plan: Plan, noise: float, step: int, ground: Terrain) -> list[Recor
                 )
                 found[f"{name}, {given}"] = ground.heights(solution.depth)
     return [
-        _record(plan, "terrain", _workload(noise, step, name), ground.height.shape[0], *quantity)
+        _record(plan, "terrain", workload(noise, step, name), ground.height.shape[0], *quantity)
         for name, height in found.items()
         for quantity in ((ERROR, ERROR_UNIT, ground.error(height)), (ANGLE, ANGLE_UNIT, ground.angle(height)))
     ]
 
 
 def guided(plan: Plan) -> Iterator[list[Record]]:
-    """Objects under a flash, with the depth of blocks of nine by nine pixels as a prior, 2 % of the relief uncertain."""
+    """Objects under a flash, with the depth of blocks of nine by nine pixels as a prior, off by 2 % of the relief."""
     size = plan.size(_GUIDED_SIZE)
     scenes: dict[str, Callable[[], Scene]] = {
         "bump": partial(ps.bump, (size, size), light=FLASH, bits=8, noise=0.005),
@@ -159,6 +168,32 @@ def guided(plan: Plan) -> Iterator[list[Record]]:
         yield [skip("guided", "bunny", ERROR, ERROR_UNIT, size, plan.precision, str(reason))]
     for name, make in scenes.items():
         yield _guided(plan, name, make())
+
+
+def energy(plan: Plan) -> Iterator[list[Record]]:
+    """How long it takes: the ground repeated in mirrors, 1 % noise, the means of 16 by 16 pixels as a prior."""
+    step = STEPS[0]
+    for size in plan.edges_up_to(_SIZES, _SIZES[-1]):
+        if size < 2 * step:
+            yield [
+                skip("energy", "terrain", TIME, TIME_UNIT, size, plan.precision, "the image is smaller than a block")
+            ]
+            continue
+        ground = Terrain.photographed(0.01).repeated(size // step * step)
+        prior = prior_of_blocks(ground.depth, np.ones(ground.depth.shape, bool), step, tolerance=_PRIOR_NOISE)
+        found: dict[str, Array] = {}
+
+        def solve(ground: Terrain = ground, prior: Prior = prior, found: dict[str, Array] = found) -> None:
+            found["depth"] = _least(plan, ground.image, ground.camera, _LIGHT, None, prior, _QUICK)
+
+        solve()
+        timing = timed(plan, {ENERGY: solve}, repeats=min(3, plan.repeats))[ENERGY]
+        height, common = ground.heights(found["depth"]), {"experiment": "energy", "workload": "terrain", "size": size}
+        yield [
+            time_record(timing, images=1, precision=plan.precision, iteration=_QUICK, **common),
+            _record(plan, "energy", "terrain", size, ERROR, ERROR_UNIT, ground.error(height)),
+            _record(plan, "energy", "terrain", size, ANGLE, ANGLE_UNIT, ground.angle(height)),
+        ]
 
 
 def _guided(plan: Plan, name: str, scene: Scene) -> list[Record]:
@@ -221,7 +256,13 @@ def prior_of_blocks(
 
 
 def _least(
-    plan: Plan, image: Array, camera: ps.Camera, light: Any, mask: Mask | None, prior: Prior, **keywords: Any
+    plan: Plan,
+    image: Array,
+    camera: ps.Camera,
+    light: Light,
+    mask: Mask | None,
+    prior: Prior,
+    iterations: int = _ITERATIONS,
 ) -> Array:
     """The depth of least energy."""
     sought = Sought(
@@ -233,14 +274,14 @@ def _least(
         known=np.full(image.shape, np.nan),
         prior=prior,
     )
-    found: Minimum = regularised(
-        plan.device, sought, Stopping(1e-5, True, _ITERATIONS, None), precision=plan.precision, **keywords
-    )
+    stopping = Stopping(1e-5, by_distance=True, max_iterations=iterations, callback=None)
+    found = regularised(plan.device, sought, stopping, precision=plan.precision)
     return np.asarray(np.exp(found.log_depth + found.level))
 
 
-def _workload(noise: float, step: int, way: str) -> str:
-    return f"{100 * noise:g} % noise, {step} x {step}: {way}"
+def workload(noise: float, step: int, way: str) -> str:
+    """What the records of a photograph and a way to solve it are of."""
+    return f"{100 * noise:g} % noise, {step} × {step}: {way}"
 
 
 def _record(plan: Plan, experiment: str, workload: str, size: int, quantity: str, unit: str, value: float) -> Record:
@@ -254,6 +295,16 @@ def _record(plan: Plan, experiment: str, workload: str, size: int, quantity: str
         images=1,
         precision=plan.precision,
     )
+
+
+def _shaded(height: Array) -> Array:
+    """Brightness of a height in the slanting light, seen from far above."""
+    slopes = (-np.gradient(height, axis=axis) for axis in (1, 0))
+    return np.clip(_LIGHT.brightness(0.0, *slopes, 0.0, 0.0, ps.Lambertian()), 0.0, 1.0)
+
+
+def _in_8_bits(brightness: Array) -> Array:
+    return np.asarray(np.clip(np.round(255.0 * brightness), 0.0, 255.0) / 255.0)
 
 
 def _between(values: Array, step: int, axis: int) -> Array:

@@ -36,6 +36,9 @@ from persfs_cl.wording import keyword
 _MOST_LIGHT = 1e100
 """What a pixel may hold that is not solved, and be no NaN."""
 
+_MOST_NOISE = 2.0
+"""By which factor noise may make an image brighter than any surface is, where that is not taken at its word."""
+
 _MARGIN = 2
 """Pixels around those to solve that these may read: at second order, and on the boundary."""
 
@@ -217,7 +220,7 @@ def check(
         with np.errstate(over="ignore"):
             brightness = brightness / window.cut(reflecting)
     name = "image" if reflecting is None else "image / albedo"
-    require_shading(brightness, layout.solved, model, model.brightest(image_grid), name)
+    require_shading(brightness, layout.solved, model, _brightest(model, image_grid, scheme), name)
     if assumed and light.flat_rim:
         inside = window.cut(wanted)
         looked_at = inside if barriers is None else inside & ~window.cut(barriers)
@@ -258,6 +261,11 @@ def check(
         model=model,
         scheme=scheme,
     )
+
+
+def _brightest(model: Model, grid: PixelGrid, scheme: Scheme) -> float:
+    """The largest value that an image may have; an energy only wonders at what noise has made brighter."""
+    return (_MOST_NOISE if scheme.by_energy else 1.0) * model.brightest(grid)
 
 
 def _copied(image: NDArray[np.floating]) -> tuple[Array, bool]:
