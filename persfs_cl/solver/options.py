@@ -95,8 +95,8 @@ def _slope(name: str, value: Any) -> float | None:
 
 
 def _paint(name: str, value: Any) -> str | float:
-    if value in _PAINTS:
-        return str(value)
+    if isinstance(value, str) and value in _PAINTS:
+        return value
     hint = f": {' or '.join(_PAINTS)}, or the spread of ln albedo, such as 0.2"
     if isinstance(value, str):
         try:
