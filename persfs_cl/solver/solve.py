@@ -128,7 +128,7 @@ def _minimised(device: Device, problem: Problem, options: Options, watch: Watch 
         device,
         Sought.of(problem),
         stopping,
-        start=None if stopped else swept(device, problem, options),
+        start=swept(device, problem, options, stop_at_once if stopped else None),
         paint=options["paint"],
         smoothing=options["smoothing"],
         precision=options["precision"],

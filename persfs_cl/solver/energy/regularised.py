@@ -23,9 +23,6 @@ from persfs_cl.solver.problem import Problem
 
 _GRIDS, _GRIDS_OF_PRIOR = 6, 4
 """At most; a prior has the large forms."""
-_TILT, _TILTED = 0.05, 10
-"""Slope of the surface to begin with, and over how many pixels from a known value it rises: a level one would not tell
-which way to go under a light from the front."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +43,6 @@ class Sought:
     limits : ndarray of float64, shape (2, height, width), or None
         Bounds of ln z from below and from above, NaN where there is none.
     prior : Prior or None
-    sign : float
-        +1 where the surface goes away from known values, -1 where it comes towards the camera.
     """
 
     image: Array
@@ -58,7 +53,6 @@ class Sought:
     known: Array
     limits: Array | None = None
     prior: Prior | None = None
-    sign: float = 1.0
 
     @classmethod
     def of(cls, problem: Problem, prior: Prior | None = None) -> Sought:
@@ -76,7 +70,6 @@ class Sought:
             known=np.log(np.where(domain.known, problem.known_depth, np.nan)),
             limits=limits,
             prior=prior,
-            sign=problem.sign,
         )
 
 
@@ -103,22 +96,22 @@ def regularised(
         Pixels to smooth over; 1 for plain surfaces and 20 for painted ones when not given.
     precision : {"float32", "float64"}
     start : ndarray of float64, shape (height, width), optional
-        ln z to begin with; from the prior, or else from known values, when not given.
+        ln z to begin with, NaN where it is to be filled in; the prior when not given.
 
     Returns
     -------
     Minimum
     """
-    first = _start(sought) if start is None else start
-    missing = sought.solved & np.isnan(first)
-    if missing.any():
-        first = _filled(first, missing, ~np.isnan(first))
-    first = np.where(np.isnan(sought.known), first, sought.known)
-    present = sought.solved | ~np.isnan(sought.known)
+    known, prior = ~np.isnan(sought.known), sought.prior
+    if start is None:
+        start = np.full(sought.image.shape, np.nan) if prior is None else prior.log_depth
+    first = np.where(known, sought.known, start)
+    there = ~np.isnan(first)
+    first = _filled(first, sought.solved & ~there, there)
+    present = sought.solved | known
     # Single precision is for the relief.
     level = float(np.median(first[present]))
     light = sought.light.of_unit_gain.in_unit(math.exp(level))
-    prior = sought.prior
     nothing = np.full(sought.image.shape, np.nan)
     sure = np.zeros_like(nothing) if prior is None else np.where(np.isnan(prior.log_depth), 0.0, 1.0 / prior.tolerance)
     view = View(
@@ -146,34 +139,6 @@ def regularised(
     )
     found.level = level
     return found
-
-
-def _start(sought: Sought) -> Array:
-    """ln z to begin with: of the prior, of what the brightness of a surface face on tells, or between known values."""
-    known = ~np.isnan(sought.known)
-    if sought.prior is not None:
-        given = np.where(known, sought.known, sought.prior.log_depth)
-    elif sought.light.determines_depth:
-        model = sought.light.model(sought.reflectance)
-        _, first, level = model.start(sought.image, sought.solved, sought.grid)
-        return np.where(known, sought.known, first + level)
-    else:
-        given = sought.known
-        if sought.limits is not None:
-            given = np.where(known, given, _middle(sought.limits))
-    there = ~np.isnan(given)
-    filled = _filled(given, sought.solved & ~there, there)
-    if sought.prior is None:
-        steps = masks.straight_steps_from(known) if known.any() else np.zeros(known.shape)
-        filled = filled + sought.sign * _TILT * np.minimum(steps, _TILTED) * max(sought.grid.dx, sought.grid.dy)
-    return filled
-
-
-def _middle(limits: Array) -> Array:
-    """Between bounds; on one where there is no other."""
-    lower, upper = limits
-    middle: Array = np.where(np.isnan(lower), upper, np.where(np.isnan(upper), lower, 0.5 * (lower + upper)))
-    return middle
 
 
 def _filled(values: Array, unknown: Mask, given: Mask) -> Array:

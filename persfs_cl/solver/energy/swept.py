@@ -8,7 +8,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
 from persfs_cl.solver.given import Given
 from persfs_cl.solver.iterate import Iteration
-from persfs_cl.solver.options import Options
+from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes import AUTO, scheme_for
 
@@ -16,7 +16,7 @@ _TOLERANCE = 1e-4
 """As near as a start has to be."""
 
 
-def swept(device: Device, problem: Problem, options: Options) -> Array:
+def swept(device: Device, problem: Problem, options: Options, callback: Callback | None) -> Array:
     """Find ln z by the sweeps, shape (height, width), NaN where they find nothing.
 
     An energy has many minima, and descends into the one that it begins near. The sweeps need no start.
@@ -36,5 +36,5 @@ def swept(device: Device, problem: Problem, options: Options) -> Array:
     }
     swept_problem = Problem.of(Given(**own))
     settings = Options(**{**options, "tolerance": max(_TOLERANCE, options["tolerance"]), "boundary": "wall"})
-    run = Iteration.of(device, [swept_problem], settings, None)
+    run = Iteration.of(device, [swept_problem], settings, callback)
     return run.surfaces([swept_problem])[0][0]
