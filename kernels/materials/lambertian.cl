@@ -18,3 +18,14 @@ static inline number minus_log_c_derivative(const number square, const parameter
 {
     return 0.5f / (1 + square);
 }
+
+/* c for a light anywhere, from the cosines between normal and light, normal and ray, and light and ray; writes its
+ * derivatives by these.
+ */
+static inline number returned_slopes(const number lit, const number seen, const number between,
+                                     const parameter_set *parameters, number *slopes)
+{
+    slopes[0] = 1;
+    slopes[1] = slopes[2] = 0;
+    return lit;
+}

@@ -33,3 +33,18 @@ static inline number returned_light(const number lit, const number seen, const n
     const number quotient = most(0, lit) / most(lit, seen);
     return multiply_add(parameters->direct, lit, parameters->rim * azimuthal * quotient);
 }
+
+/* The same; writes its derivatives by the three cosines. */
+static inline number returned_slopes(const number lit, const number seen, const number between,
+                                     const parameter_set *parameters, number *slopes)
+{
+    const number azimuthal = most(0, fnma(lit, seen, between)), lit_part = most(0, lit);
+    const number inverse = 1 / most(lit, seen), rim = parameters->rim;
+    const number quotient = lit_part * inverse;
+    const number passed = choose(azimuthal > 0, rim * quotient, 0);
+    const number lower = choose(lit < seen, rim * azimuthal * inverse, 0);
+    slopes[0] = fnma(seen, passed, parameters->direct) + choose(lit > 0, lower, 0);
+    slopes[1] = -fnma(-lit, passed, lower * quotient);
+    slopes[2] = passed;
+    return multiply_add(parameters->direct, lit, rim * azimuthal * quotient);
+}

@@ -46,3 +46,16 @@ static inline number returned_light(const number lit, const number seen, const n
     const number highlight = parameters->specular * lobe(mirrored, parameters->shininess);
     return multiply_add(parameters->diffuse, lit, choose(lit > 0, highlight, 0));
 }
+
+/* The same; writes its derivatives by the three cosines. */
+static inline number returned_slopes(const number lit, const number seen, const number between,
+                                     const parameter_set *parameters, number *slopes)
+{
+    const number mirrored = multiply_add(2 * lit, seen, -between);
+    const number highlight = choose(lit > 0, parameters->specular * lobe(mirrored, parameters->shininess), 0);
+    const number fall = choose(mirrored > LEAST_COSINE, parameters->shininess * highlight / mirrored, 0);
+    slopes[0] = multiply_add(2 * seen, fall, parameters->diffuse);
+    slopes[1] = 2 * lit * fall;
+    slopes[2] = -fall;
+    return multiply_add(parameters->diffuse, lit, highlight);
+}

@@ -31,6 +31,7 @@ from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured,
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
 from persfs_cl.bench.tasks import tasks
+from persfs_cl.bench.terrain import energy, guided, terrain
 from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]
@@ -211,6 +212,9 @@ EXPERIMENTS: dict[str, Experiment] = {
     "lamp": lamp,
     "calibration": calibration,
     "weno": weno,
+    "terrain": terrain,
+    "guided": guided,
+    "energy": energy,
     "folder": folder,
     "compilation": compilation,
     "memory": memory,

@@ -18,6 +18,7 @@ from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT
 from persfs_cl.bench.report import number
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.solutions import TIME
+from persfs_cl.bench.terrain import ANGLE, ERROR
 from persfs_cl.environment import summary
 from persfs_cl.page import ENVIRONMENT, markdown_table
 
@@ -340,6 +341,49 @@ def _folder(records: Records) -> str:
     return markdown_table(("photographs to", *columns), rows, words=1)
 
 
+def _terrain(records: Records) -> str:
+    rows: dict[tuple[str, str], dict[str, str]] = {}
+    for name, cell in _errors_and_angles(records).items():
+        photograph, way = name.split(": ")
+        noise, prior = photograph.split(", ")
+        rows.setdefault((prior, way), {})[noise] = cell
+    noises = list(dict.fromkeys(noise for row in rows.values() for noise in row))
+    cells = [(*key, *(row.get(noise, "") for noise in noises)) for key, row in rows.items()]
+    return markdown_table(("blocks", "what", *noises), cells, words=2)
+
+
+def _guided(records: Records) -> str:
+    rows: dict[str, dict[str, str]] = {}
+    for name, cell in _errors_and_angles(records).items():
+        scene, way = name.split(": ") if ": " in name else (name, "")
+        rows.setdefault(scene, {})[way] = cell
+    ways = list(dict.fromkeys(way for row in rows.values() for way in row if way))
+    cells = [(scene, *(row.get(way, row.get("", "")) for way in ways)) for scene, row in rows.items()]
+    return markdown_table(("scene", *ways), cells, words=1)
+
+
+def _energy(records: Records) -> str:
+    rows: dict[int, list[str]] = {}
+    for record in records:
+        form = two_digits if record.quantity in (ERROR, ANGLE) else number
+        rows.setdefault(record.size, []).append(_value(record, form))
+    cells = [(f"{size}²", *row) for size, row in rows.items()]
+    return markdown_table(("pixels", _MILLISECONDS, "error, % of the relief", "angle of normals, °"), cells, words=1)
+
+
+def _errors_and_angles(records: Records) -> dict[str, str]:
+    """By workload: its error in percent and its angle in degrees, or why they are missing."""
+    found: dict[str, str] = {}
+    for record in records:
+        if record.median is None:
+            found[record.workload] = record.detail
+        elif record.quantity == ERROR:
+            found[record.workload] = f"{two_digits(record.median)} %"
+        else:
+            found[record.workload] += f", {two_digits(record.median)}°"
+    return found
+
+
 _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "orderings": ("orderings", _orderings),
     "sizes": ("sizes", _sizes),
@@ -365,6 +409,9 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "lamp": ("lamp", _lamp),
     "calibration": ("calibration", _calibration),
     "weno": ("weno", _weno),
+    "terrain": ("terrain", _terrain),
+    "guided": ("guided", _guided),
+    "energy": ("energy", _energy),
     "folder": ("folder", _folder),
 }
 """By the name of the marker: the experiment whose records a table shows, and what makes it of them."""

@@ -13,8 +13,8 @@ import numpy as np
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.guide.cells import Cells
 
-LEAST_NOISE = 0.003
-"""In ln depth, that any guide is taken to have."""
+LEAST_NOISE, _LEAST_OF_RELIEF = 0.003, 0.006
+"""In ln depth, and as a share of the relief, whichever is less: any guide is taken to have so much."""
 
 _SIGMAS = 1.4826
 """From the median of absolute values to a standard deviation."""
@@ -22,7 +22,7 @@ _OF_NEIGHBOURS = 1.2
 """A difference from the median of neighbours scatters so much more than one value."""
 _FEW = 8
 """Cells from which neighbours tell the noise."""
-_NOISE_OF_FEW = 0.01
+_NOISE_OF_FEW, _FEW_OF_RELIEF = 0.01, 0.02
 _AGREE = 3.0 * math.sqrt(2.0)
 _SLACK = 0.5
 """Slope, in depths over distance aside, by which neighbours may differ besides."""
@@ -33,15 +33,16 @@ _ROUNDS, _WIDEST, _SHRINKS = 25, 0.03, 0.8
 
 
 def noise_of(residuals: Array, cells: Cells) -> float:
-    """By how much neighbouring residuals scatter."""
-    if np.count_nonzero(~np.isnan(residuals)) < _FEW:
-        return _NOISE_OF_FEW
+    """By how much neighbouring residuals scatter; `cells` are of ln depth."""
+    there = ~np.isnan(residuals)
+    relief = float(np.ptp(np.percentile(cells.values[there], (2, 98)))) if there.any() else 0.0
     beside = cells.beside(residuals)
-    known = ~np.isnan(residuals) & ~np.isnan(beside).all(axis=1)
+    known = there & ~np.isnan(beside).all(axis=1)
     if np.count_nonzero(known) < _FEW:
-        return _NOISE_OF_FEW
+        return min(_NOISE_OF_FEW, _FEW_OF_RELIEF * relief or _NOISE_OF_FEW)
     differences = residuals[known] - np.nanmedian(beside[known], axis=1)
-    return max(_SIGMAS * float(np.median(np.abs(differences))) / _OF_NEIGHBOURS, LEAST_NOISE)
+    scatter = _SIGMAS * float(np.median(np.abs(differences))) / _OF_NEIGHBOURS
+    return max(scatter, min(LEAST_NOISE, _LEAST_OF_RELIEF * relief or LEAST_NOISE))
 
 
 def mode_of(residuals: Array, noise: float) -> float:

@@ -77,6 +77,7 @@ class FlashLight(Light):
     False
     """
 
+    shading_kernel: ClassVar[str] = "lamp_shading"
     summary: ClassVar[str] = "a lamp at the camera, or close by, as of a phone or an endoscope"
 
     falloff: bool = field(
@@ -216,6 +217,12 @@ class FlashLight(Light):
             cosine_between = -(x * right + y * down + forward) / (ray * distance)
             returned = reflectance.shade(cosine_light, cosine_view, cosine_between)
         return np.asarray(self.known_gain * (returned / distance**2 if self.falloff else returned))
+
+    @property
+    def shading_numbers(self) -> dict[str, float]:
+        """The place of the lamp, and whether it fades; see :attr:`Light.shading_numbers`."""
+        right, below, ahead = self.offset
+        return {"lamp_x": right, "lamp_y": below, "lamp_z": ahead, "fading": float(self.falloff)}
 
     def toward(self, depth: Array, x: Array, y: Array) -> Array:
         """See :meth:`Light.toward`."""

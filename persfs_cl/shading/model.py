@@ -41,9 +41,12 @@ class Light(ABC):
         Whether the light comes from a point near the camera, but not from the camera.
     boundary : str
         What ``boundary="auto"`` is for a scheme to which something may flow in.
+    shading_kernel : str
+        File of kernels/energy/ that has its brightness under a gain of 1, and the derivatives, for any material.
     """
 
     summary: ClassVar[str]
+    shading_kernel: ClassVar[str]
     normalised: ClassVar[bool] = False
     flat_rim: ClassVar[bool] = False
     bounds_slope: ClassVar[bool] = True
@@ -121,6 +124,11 @@ class Light(ABC):
     def tilt(self) -> tuple[float, float]:
         """Slopes of the plane that faces the light; that of a lamp near the camera faces what the camera faces."""
         return (0.0, 0.0)
+
+    @property
+    @abstractmethod
+    def shading_numbers(self) -> dict[str, float]:
+        """What its `shading_kernel` reads, by the names that it has there."""
 
     @abstractmethod
     def toward(self, depth: Array, x: Array, y: Array) -> Array:

@@ -57,6 +57,7 @@ class ParallelLight(Light):
     """
 
     summary: ClassVar[str] = "a light far away, the paper's s = (-p0, -q0, 1)"
+    shading_kernel: ClassVar[str] = "parallel_shading"
     normalised: ClassVar[bool] = True
     flat_rim: ClassVar[bool] = True
     bounds_slope: ClassVar[bool] = False
@@ -124,6 +125,11 @@ class ParallelLight(Light):
     def tilt(self) -> tuple[float, float]:
         """See :attr:`Light.tilt`."""
         return self.p0, self.q0
+
+    @property
+    def shading_numbers(self) -> dict[str, float]:
+        """Its slopes and 1 / k, see :attr:`Light.shading_numbers`."""
+        return {"p0": self.p0, "q0": self.q0, "inverse_norm": 1.0 / self.norm}
 
     def toward(self, depth: Array, x: Array, y: Array) -> Array:
         """The same from everywhere; see :meth:`Light.toward`."""

@@ -40,6 +40,9 @@ from persfs_cl.wording import keyword
 _MOST_LIGHT = 1e100
 """What a pixel may hold that is not solved, and be no NaN."""
 
+_MOST_NOISE = 2.0
+"""By which factor noise may make an image brighter than any surface is, where that is not taken at its word."""
+
 _MARGIN = 2
 """Pixels around those to solve that these may read: at second order, and on the boundary."""
 
@@ -185,13 +188,22 @@ def check(
     if told is not None and options["guide_scale"] == "fixed":
         if light.unknown is not None:
             light = light_for(light, told, photograph, image_grid, options["reflectance"])
-        elif not light.determines_depth:
+        elif not (light.determines_depth or scheme.by_energy):
             # The photograph says nothing of the level: the first surface lies near the guide.
             near_guide = (within or DepthRange.none(shape)).within(*band(told.cells, options["guide_tolerance"]))
             within = near_guide if depths is None else near_guide.but(~np.isnan(depths))
     model = scheme.model(light, options["reflectance"])
     # Where none of them is given.
     assumed = depths is None and within is None
+    # An energy holds to a guide as it goes.
+    assumed = assumed and not (scheme.by_energy and told is not None)
+    if assumed and scheme.by_energy and not light.determines_depth:
+        raise InputError(
+            f"Nothing anchors the depth: under {keyword('light', light)} {keyword('scheme', scheme.name)} wants "
+            f"{keyword('known_depth')}, {keyword('guide')} or {keyword('depth_range')}. Give one of them, or "
+            "photograph with a flash that fades.",
+            argument="known_depth",
+        )
     if depths is not None:
         known = ~np.isnan(depths)
     else:
@@ -203,7 +215,7 @@ def check(
             argument="known_depth",
         )
     window = Window.whole(shape)
-    if not whole and (mask is not None or depths is not None):
+    if not (whole or scheme.by_energy) and (mask is not None or depths is not None):
         window = _window(wanted, known, model, assumed=assumed, walled=walls is not None)
     layout = lay_out(
         wanted,
@@ -211,7 +223,7 @@ def check(
         barriers,
         options["boundary"],
         held=None if within is None else within.anchors(sign),
-        needs_known=not light.determines_depth,
+        needs_known=not (light.determines_depth or (scheme.by_energy and told is not None)),
         window=window,
     )
     on_walls = None if barriers is None else barriers & (wanted | known)
@@ -228,7 +240,7 @@ def check(
         with np.errstate(over="ignore"):
             brightness = brightness / window.cut(reflecting)
     name = "image" if reflecting is None else "image / albedo"
-    require_shading(brightness, layout.solved, model, model.brightest(image_grid), name)
+    require_shading(brightness, layout.solved, model, _brightest(model, image_grid, scheme), name)
     if assumed and light.flat_rim:
         inside = window.cut(wanted)
         looked_at = inside if barriers is None else inside & ~window.cut(barriers)
@@ -271,6 +283,11 @@ def check(
         model=model,
         scheme=scheme,
     )
+
+
+def _brightest(model: Model, grid: PixelGrid, scheme: Scheme) -> float:
+    """The largest value that an image may have; an energy only wonders at what noise has made brighter."""
+    return (_MOST_NOISE if scheme.by_energy else 1.0) * model.brightest(grid)
 
 
 def _copied(image: NDArray[np.floating]) -> tuple[Array, bool]:

@@ -155,7 +155,7 @@ class _Guided:
             log_depth = log_depth + fitted.farther
             problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
         elif options["guide_scale"] == "fixed" and light.determines_depth:
-            _warn_of_contradiction(fitted, light)
+            warn_of_contradiction(fitted, light)
         right, below = (
             _SMOOTHNESS / fitted.cells.spacing * each for each in edge_weights(problem.image, _joined(problem))
         )
@@ -211,7 +211,8 @@ def _surface_of(attempt: Attempt) -> LogDepthAndDepth:
     return attempt.surface
 
 
-def _warn_of_contradiction(fitted: Fitted, light: Light) -> None:
+def warn_of_contradiction(fitted: Fitted, light: Light) -> None:
+    """Say it where a guide that is in the unit of depth has most of it elsewhere than the light."""
     noises, share = _CONTRADICTION
     if abs(fitted.disagreement) > max(noises * fitted.noise, share):
         warn(

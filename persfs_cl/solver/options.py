@@ -29,6 +29,9 @@ Callback = Callable[[int, float], bool | None]
 
 _STEEPEST = 1e6
 _MOST_ITERATIONS = 10**9
+_PAINTS = ("plain", "painted")
+_MOST_PAINT = 10.0
+_MOST_SMOOTHING = 1e4
 
 _REGION, _SOLVER, _DEVICE = "Region and known values", "Solver", "Device"
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -94,6 +97,23 @@ def _slope(name: str, value: Any) -> float | None:
 def _share(name: str, value: Any) -> float | None:
     hint = ", such as 0.02 for 2 % of the depth"
     return None if value is None else as_number(name, value, above=0.0, most=1.0, what="a share", hint=hint)
+
+
+def _paint(name: str, value: Any) -> str | float:
+    if isinstance(value, str) and value in _PAINTS:
+        return value
+    hint = f": {' or '.join(_PAINTS)}, or the spread of ln albedo, such as 0.2"
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError as error:
+            raise InputError.about(name, value, f"is neither a word for it nor a number{hint}.") from error
+    return as_number(name, value, above=0.0, most=_MOST_PAINT, what="a spread", hint=hint)
+
+
+def _smoothing(name: str, value: Any) -> float | None:
+    hint = ", the pixels to smooth over"
+    return None if value is None else as_number(name, value, above=0.0, most=_MOST_SMOOTHING, hint=hint)
 
 
 def _callback(name: str, value: Any) -> Callback | None:
@@ -192,8 +212,8 @@ class Options(TypedDict, total=False):
         Option(
             AUTO,
             _one_of(_schemes),
-            "lax-friedrichs is the paper's, upwind sharper and faster. auto: upwind where the material permits it, and "
-            "the boundary.",
+            "lax-friedrichs is the paper's, upwind sharper and faster; regularised the surface of least energy, for "
+            "what has no frame. auto: upwind where the material permits it, and the boundary.",
             choices=_schemes,
         ),
     ]
@@ -206,6 +226,23 @@ class Options(TypedDict, total=False):
             1,
             _order,
             "2: once converged, upwind is corrected to second order where the surface is smooth.",
+        ),
+    ]
+    paint: Annotated[
+        str | float,
+        Option(
+            "plain",
+            _paint,
+            "For regularised: whether brightness varies beyond the shading, painted, or a number, the spread of ln "
+            "albedo; no photo tells.",
+        ),
+    ]
+    smoothing: Annotated[
+        float | None,
+        Option(
+            None,
+            _smoothing,
+            "For regularised: over about how many pixels the surface is smoothed; 1 by default, 20 where painted.",
         ),
     ]
     max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.")]
@@ -286,6 +323,14 @@ def complete(given: Options) -> Options:
     light, reflectance = options["light"], options["reflectance"]
     scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
     scheme.model(light, reflectance)
+    for name in scheme.without:
+        value: Any = cast("dict[str, Any]", options)[name]
+        if value != _DESCRIBED[name][1].default:
+            raise InputError.about(
+                name,
+                value,
+                f"with {keyword('scheme', scheme.name)}: {scheme.why_without}. Leave {keyword(name)} out.",
+            )
     boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
     if boundary not in scheme.boundaries:
         raise InputError.about(
@@ -326,8 +371,8 @@ def complete(given: Options) -> Options:
 
 def reported(options: Options) -> dict[str, Any]:
     """Those that a report states, as plain values."""
-    values = cast("dict[str, Any]", options)
-    return {name: values[name] for name, (_, option) in _DESCRIBED.items() if option.in_report}
+    values, without = cast("dict[str, Any]", options), SCHEMES[options["scheme"]].without
+    return {name: values[name] for name, (_, option) in _DESCRIBED.items() if option.in_report and name not in without}
 
 
 def with_options(function: _Function) -> _Function:

@@ -52,6 +52,8 @@ class Problem(Given):
     @classmethod
     def of(cls, given: Given) -> Problem:
         """Where the sweeps begin."""
+        if given.scheme.by_energy:
+            return cls(**vars(given), first=0.0, shading=given.image, highest_known=np.inf, level=0.0)
         if given.model.light.determines_depth:
             shading, first, level = given.model.start(given.image, given.domain.solved, given.grid)
             return cls(**vars(given), first=first, shading=shading, highest_known=np.inf, level=level)
@@ -224,6 +226,8 @@ class Problem(Given):
     @property
     def degenerate(self) -> Mask:
         """Pixels to solve where the equation gives no bound to the slope."""
+        if self.scheme.by_energy:
+            return np.zeros_like(self.domain.solved)
         return self.model.degenerate(self.image, self.shading, self.domain.solved, self.grid)
 
     @property

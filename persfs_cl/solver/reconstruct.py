@@ -104,11 +104,15 @@ def reconstruct(
         level is undetermined and drifts. "fixed": every edge pixel must be known. "wall": edge pixels are solved like
         others, with a state constraint outside. "auto" is "outflow" for the Lax-Friedrichs scheme under a parallel
         light, else "wall". The upwind scheme knows "wall" and "fixed" only: by its nature nothing flows in.
-    scheme : {"auto", "lax-friedrichs", "upwind"}
+    scheme : {"auto", "lax-friedrichs", "upwind", "regularised"}
         "lax-friedrichs" is the paper's: it takes any Hamiltonian, smears, and needs many iterations. "upwind" solves
         each cell exactly from the neighbours upwind: a few iterations, and several times less error. "auto" is upwind
         where it has the `boundary` and the material permits it, under a parallel light a perfectly matt one, under a
-        flash one that is brightest face on; else the paper's.
+        flash one that is brightest face on; else the paper's. "regularised" finds the surface of least energy, which
+        the image, what is known of the depth, and smoothness decide together; for any light and material, and by name
+        only. It begins at what the sweeps find. Something must anchor the depth: known depths, a `depth_range`, or a
+        flash with fall-off. To it `boundary`, `ordering`, `accuracy_order`, `acceleration` and `max_slope` mean
+        nothing.
     ordering : {"wavefront", "checkerboard", "lexicographic"}
         Order of the cells in a sweep. "wavefront" gives the bits of "lexicographic", in parallel; "checkerboard" other
         iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under
@@ -117,6 +121,12 @@ def reconstruct(
         1: both schemes are of first order. 2: the upwind scheme, once converged, is corrected to second order where the
         surface is smooth, and stays as it is at ridges, edges and silhouettes. Some more iterations, each slower;
         many more with the checkerboard.
+    paint : "plain", "painted" or float
+        For "regularised": whether brightness varies beyond the shading, which no photograph tells. A number is the
+        spread of ln albedo; "painted" estimates it where the descent begins.
+    smoothing : float, optional
+        For "regularised": over about how many pixels the surface is smoothed where the shading tells little; 1 when not
+        given, 20 where it is painted.
     max_iterations : int
         Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them.
     tolerance : float
@@ -126,7 +136,7 @@ def reconstruct(
         iterates until nothing changes, down to the last bit.
     stopping : {"distance", "change"}
         What the tolerance bounds: that distance or, as in the paper, max |ΔZ| over an iteration, which may be hundreds
-        of times less.
+        of times less. For "regularised" both are of its descent on the finest grid.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
@@ -215,7 +225,7 @@ def reconstruct_batch(
         not converged; returning True stops these, and all that have not begun.
     light, reflectance, surface, boundary, scheme, ordering, accuracy_order, guide_kind, guide_scale, guide_tolerance
         As for :func:`reconstruct`, the same for all images.
-    max_iterations, tolerance, stopping, acceleration, max_slope, device, precision, throw
+    paint, smoothing, max_iterations, tolerance, stopping, acceleration, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
 
     Returns

@@ -13,6 +13,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import FARTHEST, NEAREST, warn
 from persfs_cl.solver.attempt import Attempt, swept
+from persfs_cl.solver.energy.attempt import minimised
 from persfs_cl.solver.guided import solve_guided
 from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options, reported
@@ -69,7 +70,12 @@ def solve(
 def attempt(
     device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None, numbers: Sequence[int]
 ) -> list[Attempt]:
-    """Run the sweeps, and again with what guides tell; see :func:`solve`."""
+    """Run the sweeps, and again with what guides tell, or minimise the energy; see :func:`solve`."""
+    if problems[0].scheme.by_energy:
+        return [
+            minimised(device, problem, options, watch, number)
+            for problem, number in zip(problems, numbers, strict=True)
+        ]
     return solve_guided(device, swept(device, problems, options, watch, numbers), options, watch, numbers)
 
 

@@ -45,6 +45,12 @@ class Scheme(ABC):
         Whether most cells soon keep their value, so that it pays to keep account of which still change.
     why_no_other_boundary : str
         For who asks for one that is not among them.
+    by_energy : bool
+        Whether it minimises an energy, see :mod:`persfs_cl.solver.energy`, and sweeps nothing.
+    without : tuple of str
+        Keywords that mean nothing to it.
+    why_without : str
+        For who gives one of them all the same.
     outside : float or None
         Value of cells that are not there, for schemes that only want it to be high; None for those that treat cells
         apart which lack a neighbour.
@@ -56,6 +62,9 @@ class Scheme(ABC):
     highest_order: ClassVar[int] = 1
     same_iterates: ClassVar[bool] = True
     outside: ClassVar[float | None] = None
+    by_energy: ClassVar[bool] = False
+    without: ClassVar[tuple[str, ...]] = ("paint", "smoothing")
+    why_without: ClassVar[str] = "it takes the image at its word"
     accelerates: ClassVar[bool] = False
     settles: ClassVar[bool] = False
 

@@ -1,0 +1,139 @@
+/* Coarser grids, which hasten the method of conjugate gradients: the remainder is added up on grids of twice, four
+ * times, ... the spacing, divided there by about the diagonal that the matrix has there, and interpolated back (additive
+ * multilevel preconditioning, Bramble, Pasciak and Xu 1990).
+ *
+ * A pixel of a coarse grid is a square of four of the finer one. A value is interpolated linearly between the middles of
+ * squares, from nine, three and three sixteenths and one sixteenth of four of them; beyond the edge they are 0. Adding up
+ * is the transposed of that, so that the whole is symmetric. Global size (work-items of a row, height), of the coarse grid where there are two. All
+ * arrays are padded. Where 1 over the diagonal is 0 nothing goes into a grid and nothing comes from it: it ends there.
+ */
+
+#if LANES > 1
+#if LANES == 2
+typedef real half_number;
+#define HALF_LOAD(from) (*(from))
+#define ALTERNATELY(a, b) ((number)(a, b))
+#else
+#if LANES == 4
+typedef JOIN(REAL, 2) half_number;
+#define ALTERNATELY(a, b) ((number)((a).x, (b).x, (a).y, (b).y))
+#else
+typedef JOIN(REAL, 4) half_number;
+#define ALTERNATELY(a, b) ((number)((a).x, (b).x, (a).y, (b).y, (a).z, (b).z, (a).w, (b).w))
+#endif
+typedef half_number unaligned_half __attribute__((aligned(sizeof(real))));
+#define HALF_LOAD(from) (*(__global const unaligned_half *)(from))
+#endif
+#endif
+
+/* Values at LANES pixels of the finer grid, the first in an even column where they are several. */
+static inline number interpolated(__global const real *coarse, const int column, const int row, const int coarse_stride)
+{
+    __global const real *near = coarse + cell_at(column / 2, row / 2, coarse_stride);
+    __global const real *next = row & 1 ? near + coarse_stride : near - coarse_stride;
+#if LANES > 1
+    const half_number before = (real)0.75f * HALF_LOAD(near - 1) + (real)0.25f * HALF_LOAD(next - 1);
+    const half_number middle = (real)0.75f * HALF_LOAD(near) + (real)0.25f * HALF_LOAD(next);
+    const half_number behind = (real)0.75f * HALF_LOAD(near + 1) + (real)0.25f * HALF_LOAD(next + 1);
+    const half_number even = (real)0.75f * middle + (real)0.25f * before;
+    const half_number odd = (real)0.75f * middle + (real)0.25f * behind;
+    return ALTERNATELY(even, odd);
+#else
+    const int beside = column & 1 ? 1 : -1;
+    return 0.75f * (0.75f * near[0] + 0.25f * next[0]) + 0.25f * (0.75f * near[beside] + 0.25f * next[beside]);
+#endif
+}
+
+/* What LANES columns of the finer grid add to a coarse row. */
+static inline number added_rows(__global const real *fine, const size_t line)
+{
+    return 0.25f * (LOAD(fine - line) + LOAD(fine + 2 * line)) + 0.75f * (LOAD(fine) + LOAD(fine + line));
+}
+
+/* The sums for LANES pixels of the coarse grid. */
+static inline number added_up(__global const real *fine, const size_t line)
+{
+#if LANES > 1
+    const number first = added_rows(fine, line), second = added_rows(fine + LANES, line);
+    const number first_before = added_rows(fine - 2, line), second_before = added_rows(fine + LANES - 2, line);
+    const number first_behind = added_rows(fine + 2, line), second_behind = added_rows(fine + LANES + 2, line);
+    const number even = (number)(first.even, second.even), odd = (number)(first.odd, second.odd);
+    const number before = (number)(first_before.odd, second_before.odd);
+    const number behind = (number)(first_behind.even, second_behind.even);
+#else
+    const number even = added_rows(fine, line), odd = added_rows(fine + 1, line);
+    const number before = added_rows(fine - 1, line), behind = added_rows(fine + 2, line);
+#endif
+    return 0.25f * (before + behind) + 0.75f * (even + odd);
+}
+
+/* The remainder on the next grid. */
+__kernel void restrict_remainder(__global const real *remainder,  /* of the finer grid         */
+                                 __global const real *coarse_inverse_diagonal, /* 0 for nothing */
+                                 __global real *coarse_remainder, /* result                    */
+                                 const int coarse_width,          /* pixels                    */
+                                 const int stride,                /* of the finer grid         */
+                                 const int coarse_stride)         /* of the coarse one         */
+{
+    const int row = (int)get_global_id(1), width = coarse_width;
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, coarse_stride);
+        const number sum = added_up(remainder + cell_at(2 * column, 2 * row, stride), (size_t)stride);
+        STORE(coarse_remainder + cell, choose(LOAD(coarse_inverse_diagonal + cell) > 0, sum, 0));
+    }
+}
+
+/* The correction on a grid: the remainder there by about the diagonal, and what comes from the next coarser grid, if
+ * there is one.
+ */
+__kernel void correct_grid(__global const real *remainder,         /* of this grid                         */
+                           __global const real *inverse_diagonal,  /* of this grid                         */
+                           __global const real *coarse_correction, /* of the next one                      */
+                           __global real *correction,              /* result                               */
+                           const int has_coarser,                  /* 0 for the last grid                  */
+                           const int width,                        /* pixels                               */
+                           const int stride,                       /* of this grid                         */
+                           const int coarse_stride)                /* of the next one                      */
+{
+    const int row = (int)get_global_id(1);
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
+        const number inverse = LOAD(inverse_diagonal + cell);
+        number result = inverse * LOAD(remainder + cell);
+        if (has_coarser)
+            result += interpolated(coarse_correction, column, row, coarse_stride);
+        STORE(correction + cell, choose(inverse > 0, result, 0));
+    }
+}
+
+/* About the diagonal of the matrix on the next grid. Slopes of a function that is twice as wide are half as large, and
+ * there are four times as many of them; second differences are a quarter as large; what the prior says of values is added.
+ */
+__kernel void coarsen_diagonal(__global const real *diagonal_parts,   /* three planes, of the finer grid           */
+                               __global real *coarse_diagonal_parts,  /* three planes, result                      */
+                               __global real *coarse_inverse_diagonal, /* result                                   */
+                               const int height,                      /* pixels of the finer grid                  */
+                               const int stride,                      /* of the finer grid                         */
+                               const int coarse_width,                /* pixels                                    */
+                               const int coarse_height,               /* pixels                                    */
+                               const int coarse_stride)               /* of the coarse grid                        */
+{
+    const real shares[3] = {0.25f, 0.0625f, 1};
+    const int row = (int)get_global_id(1);
+    const size_t line = (size_t)stride, plane = line * (size_t)(height + 2 * PAD);
+    const size_t coarse_plane = (size_t)coarse_stride * (size_t)(coarse_height + 2 * PAD);
+    /* One pixel after another, on any device: beyond the edge nothing must be written. */
+    for (int column = (int)get_global_id(0); column < coarse_width; column += (int)get_global_size(0)) {
+        const size_t from = cell_at(2 * column, 2 * row, stride), to = cell_at(column, row, coarse_stride);
+        real sums[3];
+        for (int kind = 0; kind < 3; ++kind) {
+            __global const real *part = diagonal_parts + kind * plane + from;
+            sums[kind] = shares[kind] * (part[0] + part[1] + part[line] + part[line + 1]);
+            coarse_diagonal_parts[kind * coarse_plane + to] = sums[kind];
+        }
+        const real diagonal = sums[0] + sums[1] + 0.5f * sums[2];
+        coarse_inverse_diagonal[to] = diagonal > 0 ? 1 / diagonal : (real)0;
+    }
+}

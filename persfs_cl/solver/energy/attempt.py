@@ -1,0 +1,142 @@
+"""One problem whose energy is minimised: with what its guide tells, and what comes of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from persfs_cl._cl.device import Device
+from persfs_cl.arrays import Array
+from persfs_cl.guide.agreement import noise_of
+from persfs_cl.guide.cells import Cells
+from persfs_cl.guide.fit import Fitted, GuideFit
+from persfs_cl.guide.guide import Guide
+from persfs_cl.solver.attempt import Attempt
+from persfs_cl.solver.bounds import DepthRange
+from persfs_cl.solver.energy.minimise import Stopping
+from persfs_cl.solver.energy.prior import Prior
+from persfs_cl.solver.energy.regularised import Sought, regularised
+from persfs_cl.solver.energy.swept import swept
+from persfs_cl.solver.guided import warn_of_contradiction
+from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
+from persfs_cl.solver.options import Options
+from persfs_cl.solver.problem import Problem
+from persfs_cl.surface.solution import Status
+from persfs_cl.told import concerning
+
+
+def minimised(device: Device, problem: Problem, options: Options, watch: Watch | None, number: int) -> Attempt:
+    """The surface of least energy of one problem.
+
+    Parameters
+    ----------
+    device : Device
+    problem : Problem
+    options, watch
+        As for :func:`persfs_cl.solver.solve.solve`.
+    number : int
+        Of the problem that warnings concern.
+
+    Raises
+    ------
+    InputError
+        When guide and surface have nothing in common.
+
+    Warns
+    -----
+    UserWarning
+        When the scale of a guide contradicts the light.
+    """
+    began = time.perf_counter()
+    stopped = watch is not None and watch.stopped
+    light, guide = problem.model.light, problem.guide
+    start: Array | None = None
+    if guide is None or light.determines_depth or options["guide_scale"] != "fixed":
+        start = swept(device, problem, options, stop_at_once if stopped else None)
+    fitted, gain, prior = None, None, None
+    if guide is not None:
+        if start is not None:
+            with concerning(number):
+                fitted = _fitted(problem, guide, start, options)
+            if options["light"].unknown is not None:
+                light = light.for_farther(fitted.farther)
+                gain = float(getattr(light, str(options["light"].unknown)))
+                problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
+                start = start + fitted.farther
+        cells = guide.cells if fitted is None else fitted.cells
+        noise = _noise(cells, options) if fitted is None else fitted.noise
+        prior = prior_of(cells, noise if fitted is None else float(np.hypot(noise, fitted.distortion)))
+    found = regularised(
+        device,
+        Sought.of(problem, prior),
+        Stopping(
+            tolerance=options["tolerance"],
+            by_distance=options["stopping"] == "distance",
+            max_iterations=options["max_iterations"],
+            callback=stop_at_once if stopped else watch,
+        ),
+        # Of a flash the sweeps know more than any guide.
+        start=start if prior is None or light.determines_depth else None,
+        paint=options["paint"],
+        smoothing=options["smoothing"],
+        precision=options["precision"],
+    )
+    run = Iteration(
+        [], [found.changes], [found.status], [found.distance], "energy", found.build_seconds, found.kernel_seconds
+    )
+    # Its values are those of Z itself, whatever the sweeps would have solved for.
+    plain = replace(problem, level=found.level, sign=1.0, offset=np.zeros_like(problem.image))
+    surface = plain.depth(found.log_depth, converged=True)
+    told = None
+    if prior is not None and found.status is not Status.STOPPED:
+        told = _told(cells, noise, fitted, gain, problem.window.spread(prior.log_depth - surface[0], np.nan))
+    return Attempt(problem, run, surface, None, time.perf_counter() - began, told)
+
+
+def prior_of(cells: Cells, noise: float) -> Prior:
+    """What cells of ln depth say of each pixel: between their middles, the less surely the steeper it is there."""
+    middle = cells.interpolated(cells.values)
+    down, across = (
+        np.gradient(middle, axis=axis) if middle.shape[axis] > 1 else np.zeros_like(middle) for axis in (0, 1)
+    )
+    return Prior(middle, np.sqrt(noise**2 + (down**2 + across**2) * cells.spacing**2 / 12.0), cells.spacing)
+
+
+def _noise(cells: Cells, options: Options) -> float:
+    given = options["guide_tolerance"]
+    return noise_of(cells.values, cells) if given is None else given
+
+
+def _fitted(problem: Problem, guide: Guide, log_depth: Array, options: Options) -> Fitted:
+    light, unknown = problem.model.light, options["light"].unknown is not None
+    fitted = Fitted.to_surface(
+        guide,
+        log_depth,
+        0.5 * (problem.camera.fx + problem.camera.fy),
+        scale=options["guide_scale"],
+        gain_unknown=unknown,
+        held=light.determines_depth,
+        tolerance=options["guide_tolerance"],
+    )
+    if not unknown and options["guide_scale"] == "fixed":
+        warn_of_contradiction(fitted, light)
+    return fitted
+
+
+def _told(cells: Cells, noise: float, fitted: Fitted | None, gain: float | None, departure: Array) -> GuideFit:
+    count = int(np.count_nonzero(cells.pixels))
+    return GuideFit(
+        cells=count,
+        used=count,
+        spacing=cells.spacing,
+        noise=noise,
+        distortion=0.0 if fitted is None else fitted.distortion,
+        drifts=False if fitted is None else fitted.drifts,
+        tolerance=noise,
+        factor=1.0 if fitted is None else fitted.factor,
+        offset=0.0 if fitted is None else fitted.offset,
+        gain=gain,
+        departure=departure,
+    )

@@ -1,0 +1,199 @@
+"""The kernels of the energy against its plain form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import persfs_cl as ps
+from persfs_cl._cl import energy
+from persfs_cl._cl.energy import Descent
+from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.energy.minimise import terms_of
+from persfs_cl.solver.energy.reference import Reference
+from persfs_cl.solver.energy.view import View
+from persfs_cl.solver.energy.weights import Weights
+
+Array = NDArray[np.float64]
+
+PLAIN = Weights(
+    painted=False,
+    noise=0.03,
+    share=0.05,
+    floor=0.02,
+    dark=0.02,
+    weight=1.3,
+    scale=3.0,
+    prior_weight=0.4,
+    prior_scale=2.0,
+    smoothness=0.7,
+    crease=0.2,
+)
+PAINTED = replace(PLAIN, painted=True, noise=0.3, share=0.0, weight=0.08, scale=1.8, crease=0.02)
+LIGHTS: dict[str, Light] = {
+    "front": ps.ParallelLight(),
+    "side": ps.ParallelLight(0.6, -0.3),
+    "flash": ps.FlashLight(),
+    "even flash": ps.FlashLight(falloff=False),
+    "lamp": ps.FlashLight(offset=(0.25, -0.1, 0.05)),
+}
+MATERIALS: dict[str, Reflectance] = {
+    "lambertian": ps.Lambertian(),
+    "oren-nayar": ps.OrenNayar(0.4),
+    "phong": ps.Phong(0.6, 0.4, 6.0),
+}
+CASES = [
+    *((light, "lambertian", PLAIN) for light in LIGHTS),
+    *(("lamp", material, PLAIN) for material in ("oren-nayar", "phong")),
+    *(("side", material, PAINTED) for material in MATERIALS),
+]
+
+
+def problem(
+    light: str, material: str, weights: Weights, shape: tuple[int, int] = (11, 14), spacing: int = 1
+) -> tuple[Reference, Array]:
+    """An energy with all of its terms, a hole in the mask, and some known pixels; and a surface."""
+    rng = np.random.default_rng(7)
+    grid = ps.Camera(focal_length=(20.0, 24.0)).grid(shape)
+    x, y = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
+    log_depth = 0.06 * np.sin(x / 2.0) * np.cos(y / 3.0) + rng.normal(0.0, 0.004, shape)
+    solved = np.ones(shape, bool)
+    solved[4:6, 3:5] = solved[0, 0] = solved[-1, 5] = False
+    solved[6, 5:7] = False
+    known = np.full(shape, np.nan)
+    known[6, 5:7] = log_depth[6, 5:7]
+    certainty = np.where((rng.random(shape) < 0.7) & solved, rng.uniform(10.0, 60.0, shape), 0.0)
+    view = View(
+        image=rng.uniform(0.1, 0.9, shape),
+        solved=solved,
+        known=known,
+        prior=np.where(certainty > 0.0, log_depth + rng.normal(0.0, 0.03, shape), np.nan),
+        certainty=certainty,
+        limits=None,
+        grid=grid,
+        spacing=spacing,
+    )
+    return Reference(view, LIGHTS[light], MATERIALS[material], weights), np.where(view.present, log_depth, 0.0)
+
+
+def descent_of(reference: Reference, log_depth: Array, device: ps.Device, precision: str) -> Descent:
+    terms = terms_of(reference.view, log_depth, reference.light, reference.reflectance, reference.weights)
+    kernels = ["elementary", reference.reflectance.kernel, reference.light.shading_kernel]
+    return Descent(device, terms, kernels, precision)
+
+
+def derivative(reference: Reference, log_depth: Array, direction: Array, white: float) -> float:
+    """Of the energy along a direction, by central differences of fourth order."""
+    step = 1e-5
+    ahead, behind, farther, before = (
+        reference.energy(log_depth + factor * step * direction, white) for factor in (1.0, -1.0, 2.0, -2.0)
+    )
+    return (8.0 * (ahead - behind) - (farther - before)) / (12.0 * step)
+
+
+@pytest.mark.parametrize(("light", "material", "weights"), CASES)
+def test_energy_and_gradient(device: ps.Device, precision: str, light: str, material: str, weights: Weights) -> None:
+    reference, log_depth = problem(light, material, weights)
+    white = 0.1 if weights.painted else 0.0
+    descent = descent_of(reference, log_depth, device, precision)
+    tolerance = 1e-9 if precision == "float64" else 3e-5
+    assert descent.linearise(white).energy == pytest.approx(reference.energy(log_depth, white), rel=tolerance)
+    descent.assemble(0.0)
+    gradient = -descent.read("remainder")[0]
+    assert not gradient[~reference.view.solved].any()
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        direction = np.where(reference.view.solved, rng.normal(size=log_depth.shape), 0.0)
+        expected = derivative(reference, log_depth, direction, white)
+        size = float(np.abs(gradient).sum())
+        assert float((gradient * direction).sum()) == pytest.approx(expected, abs=1e-5 * size)
+
+
+def jacobian(reference: Reference, log_depth: Array) -> Array:
+    """Of all residuals times the roots of their weights, by the pixels to solve."""
+    free = np.flatnonzero(reference.view.solved)
+    weights, certainty = reference.weights, reference.view.certainty
+
+    def parts(values: Array) -> list[Array]:
+        prior = values * certainty
+        return [reference.residuals(values), prior, *(bend for _, bend in reference.bends(values))]
+
+    here = parts(log_depth)
+    off = (log_depth - np.where(certainty > 0.0, reference.view.prior, 0.0)) * certainty
+    factors = [
+        weights.weight / (1.0 + (here[0] / weights.scale) ** 2),
+        weights.prior_weight / np.sqrt(1.0 + (off / weights.prior_scale) ** 2),
+        *(
+            share * weights.smoothness / np.sqrt(1.0 + (bend / weights.crease) ** 2)
+            for share, bend in reference.bends(log_depth)
+        ),
+    ]
+    columns = []
+    for pixel in free:
+        nudge = np.where(np.arange(log_depth.size) == pixel, 1e-5, 0.0).reshape(log_depth.shape)
+        ahead, behind = parts(log_depth + nudge), parts(log_depth - nudge)
+        columns.append(
+            np.concatenate(
+                [
+                    (np.sqrt(factor) * (a - b) / 2e-5).ravel()
+                    for factor, a, b in zip(factors, ahead, behind, strict=True)
+                ]
+            )
+        )
+    return np.stack(columns, axis=1)
+
+
+def dense(planes: Array) -> Array:
+    """The matrix of all pixels, from the planes that hold one number of each pair."""
+    _, height, width = planes.shape
+    numbers = np.arange(height * width).reshape(height, width)
+    matrix = np.zeros((numbers.size, numbers.size))
+    steps = ((0, 0), (0, 1), (0, 2), (1, 0), (2, 0), (1, 1), (1, -1))
+    for plane, (down, right) in zip(planes, steps, strict=True):
+        for row in range(height - down):
+            for column in range(max(0, -right), min(width, width - right)):
+                one, other = numbers[row, column], numbers[row + down, column + right]
+                matrix[one, other] = matrix[other, one] = plane[row, column]
+    return matrix
+
+
+@pytest.mark.parametrize(("light", "material", "weights"), CASES[2:5])
+def test_matrix_and_step(device: ps.Device, precision: str, light: str, material: str, weights: Weights) -> None:
+    reference, log_depth = problem(light, material, weights, (9, 8))
+    descent = descent_of(reference, log_depth, device, precision)
+    descent.linearise(0.0)
+    descent.assemble(0.0)
+    free = reference.view.solved.ravel()
+    found = dense(descent.read("matrix").astype(np.float64))[np.ix_(free, free)]
+    derivatives = jacobian(reference, log_depth)
+    expected = derivatives.T @ derivatives
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+    right_hand_side = descent.read("remainder")[0].ravel()[free].astype(np.float64)
+    descent.solve(300, 1e-6)
+    step = descent.read("step")[0]
+    np.testing.assert_allclose(
+        step.ravel()[free], np.linalg.solve(found.astype(np.float64), right_hand_side), atol=1e-3 * np.abs(step).max()
+    )
+    assert not step[~reference.view.solved].any()
+
+
+def test_devices_without_vectors_find_the_same(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many work-items do a row, each a pixel at a time, as on a GPU."""
+    reference, log_depth = problem("lamp", "phong", PLAIN, (23, 70))
+    found = []
+    for narrow in (False, True):
+        if narrow:
+            monkeypatch.setattr(energy, "lanes", lambda _device, _precision: 1)
+        descent = descent_of(reference, log_depth, device, "float32")
+        sums = descent.linearise(0.0)
+        descent.assemble(1e-3)
+        descent.solve(8, 1e-3)
+        change = descent.move()
+        found.append((sums.energy, change, descent.log_depth()))
+    assert found[1][0] == pytest.approx(found[0][0], rel=1e-6)
+    assert found[1][1] == pytest.approx(found[0][1], rel=1e-3)
+    np.testing.assert_allclose(found[1][2], found[0][2], atol=1e-4 * found[0][1])

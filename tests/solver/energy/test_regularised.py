@@ -1,0 +1,252 @@
+"""The scheme "regularised": what it finds, what it keeps to, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import persfs_cl as ps
+from persfs_cl.bench.terrain import Terrain, prior_of_blocks
+from persfs_cl.choices import Precision
+from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.energy.minimise import Minimum, Stopping
+from persfs_cl.solver.energy.regularised import Sought, regularised
+from persfs_cl.solver.energy.weights import noise_of
+
+Array = NDArray[np.float64]
+
+STEP = 8
+
+
+def sought(shape: tuple[int, int] = (64, 96), noise: float = 0.01, **others: Any) -> tuple[Terrain, Sought]:
+    """A piece of ground with the means of its blocks as a prior."""
+    ground = Terrain.photographed(noise, shape)
+    prior = prior_of_blocks(ground.depth, np.ones(shape, bool), STEP, tolerance=0.003)
+    given: dict[str, Any] = {
+        "image": ground.image,
+        "grid": ground.camera.grid(shape),
+        "light": ps.ParallelLight(1.0, 0.3),
+        "reflectance": ps.Lambertian(),
+        "solved": np.ones(shape, bool),
+        "known": np.full(shape, np.nan),
+        "prior": prior,
+        **others,
+    }
+    return ground, Sought(**given)
+
+
+def least(device: ps.Device, what: Sought, precision: Precision = "float32", **others: Any) -> Minimum:
+    return regularised(device, what, Stopping(1e-6, True, 60, None), precision=precision, **others)
+
+
+def depth(found: Minimum) -> Array:
+    return np.asarray(np.exp(found.log_depth + found.level))
+
+
+def test_terrain_is_better_than_its_prior(device: ps.Device) -> None:
+    ground, what = sought()
+    assert what.prior is not None
+    coarse = ground.heights(np.exp(what.prior.log_depth))
+    found = ground.heights(depth(least(device, what)))
+    assert ground.error(found) < 0.6 * ground.error(coarse)
+    assert ground.angle(found) < 0.3 * ground.angle(coarse)
+
+
+@pytest.mark.parametrize("paint", ["plain", "painted", 0.1])
+def test_the_energy_never_rises(device: ps.Device, precision: Precision, paint: str | float) -> None:
+    energies = least(device, sought()[1], precision, paint=paint).energies
+    assert len(energies) > 5
+    assert all(after <= before for before, after in pairwise(energies))
+    assert energies[-1] < 0.98 * energies[0]
+
+
+def test_the_same_bits_again_and_nearly_the_same_in_double(device: ps.Device) -> None:
+    _, what = sought()
+    first, second = least(device, what), least(device, what)
+    np.testing.assert_array_equal(first.log_depth, second.log_depth)
+    assert first.changes == second.changes
+    assert first.energies == second.energies
+    if device.has_float64:
+        double = least(device, what, "float64")
+        # After so many iterations: rounding decides nothing.
+        assert double.energies[3] == pytest.approx(first.energies[3], rel=1e-3)
+
+
+def test_the_minimum_is_found_from_elsewhere(device: ps.Device) -> None:
+    """The distance is that to the minimum, and no farther than the tolerance says."""
+    scene = ps.bump((48, 48), light=ps.FlashLight(), noise=0.01)
+    options: dict[str, Any] = {"light": scene.light, "scheme": "regularised", "device": device}
+    found = ps.reconstruct(scene.image, scene.camera, **options, tolerance=1e-4)
+    exact = ps.reconstruct(scene.image, scene.camera, **options, tolerance=1e-7, precision="float64")
+    assert found.status is exact.status is ps.Status.CONVERGED
+    assert found.distance <= 1e-4
+    assert np.abs(found.log_depth - exact.log_depth).max() <= 3e-4
+
+
+LIGHTS = {
+    "flash": ps.FlashLight(),
+    "lamp": ps.FlashLight(offset=(0.05, 0.0, 0.0)),
+    "side": ps.ParallelLight(0.5, 0.2),
+    "even flash": ps.FlashLight(falloff=False),
+}
+
+
+@pytest.mark.parametrize(
+    ("light", "reflectance"),
+    [
+        *((light, ps.Lambertian()) for light in LIGHTS),
+        ("flash", ps.OrenNayar(0.3)),
+        ("flash", ps.Phong()),
+        ("side", ps.Phong(0.8, 0.2, 8.0)),
+    ],
+    ids=str,
+)
+def test_smooth_scenes_are_no_worse_than_by_the_sweeps(device: ps.Device, light: str, reflectance: Reflectance) -> None:
+    scene = ps.bump((64, 64), light=LIGHTS[light], reflectance=reflectance)
+    known = None if LIGHTS[light].determines_depth else scene.known_depth
+    options: dict[str, Any] = {
+        "light": scene.light,
+        "reflectance": reflectance,
+        "known_depth": known,
+        "device": device,
+    }
+    swept = ps.reconstruct(scene.image, scene.camera, **options)
+    # The image is exact: there is little to smooth.
+    found = ps.reconstruct(scene.image, scene.camera, scheme="regularised", smoothing=0.5, **options)
+    assert found.status is ps.Status.CONVERGED
+    assert ps.compare(found.depth, scene.depth).mean <= 1.05 * ps.compare(swept.depth, scene.depth).mean
+
+
+def test_noise_is_smoothed(device: ps.Device) -> None:
+    scene = ps.bump((64, 64), light=ps.ParallelLight(0.5, 0.2), noise=0.02)
+    options: dict[str, Any] = {"light": scene.light, "known_depth": scene.known_depth, "device": device}
+    swept = ps.reconstruct(scene.image, scene.camera, **options)
+    errors = [
+        ps.compare(
+            ps.reconstruct(scene.image, scene.camera, scheme="regularised", smoothing=over, **options).depth,
+            scene.depth,
+        ).mean
+        for over in (0.2, 1.0)
+    ]
+    assert errors[0] < 0.7 * ps.compare(swept.depth, scene.depth).mean
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_known_depths_are_kept_and_bounds_held(device: ps.Device, precision: Precision) -> None:
+    scene = ps.bump((40, 50), light=ps.FlashLight())
+    known = np.full(scene.depth.shape, np.nan)
+    known[10, 5:9] = scene.depth[10, 5:9] * 1.01
+    near, far = np.quantile(scene.depth, [0.3, 0.8])
+    known[(known < near) | (known > far)] = np.nan
+    assert np.isfinite(known).any()
+    found = ps.reconstruct(
+        scene.image,
+        scene.camera,
+        light=scene.light,
+        scheme="regularised",
+        known_depth=known,
+        depth_range=(near, far),
+        device=device,
+        precision=precision,
+    )
+    np.testing.assert_array_equal(found.depth[np.isfinite(known)], known[np.isfinite(known)])
+    assert found.depth.min() == near
+    assert found.depth.max() == far
+    assert found.at_bound.any()
+    np.testing.assert_array_equal(found.at_bound, (found.depth == near) | (found.depth == far))
+
+
+def test_a_mask_and_walls(device: ps.Device) -> None:
+    scene = ps.bump((40, 50), light=ps.FlashLight())
+    mask = np.ones(scene.depth.shape, bool)
+    mask[:6, :9] = mask[20:23, 30:] = False
+    walls = np.zeros_like(mask)
+    walls[10:, 15] = True
+    image = np.where(mask, scene.image, np.nan)
+    found = ps.reconstruct(
+        image, scene.camera, light=scene.light, scheme="regularised", mask=mask, walls=walls, device=device
+    )
+    assert found.status is ps.Status.CONVERGED
+    np.testing.assert_array_equal(found.solved, mask)
+    assert np.isnan(found.depth[~mask]).all()
+    assert ps.compare(found.depth, scene.depth, mask=mask).mean < 0.01 * np.ptp(scene.depth)
+
+
+def until(last: int) -> Callable[[int, float], bool]:
+    return lambda iteration, _change: iteration == last
+
+
+def test_a_callback_hears_of_each_iteration_and_stops(device: ps.Device) -> None:
+    scene = ps.bump((40, 50), light=ps.FlashLight(), noise=0.01)
+    options: dict[str, Any] = {"light": scene.light, "scheme": "regularised", "device": device}
+    heard: list[tuple[int, float]] = []
+    found = ps.reconstruct(
+        scene.image, scene.camera, callback=lambda iteration, change: heard.append((iteration, change)), **options
+    )
+    assert heard == list(enumerate(found.changes, start=1))
+    for last in (1, found.iterations - 1):
+        stopped = ps.reconstruct(scene.image, scene.camera, callback=until(last), **options)
+        assert stopped.status is ps.Status.STOPPED
+        assert stopped.iterations == last
+        assert np.isfinite(stopped.depth).all()
+    ended = ps.reconstruct(scene.image, scene.camera, max_iterations=3, **options)
+    assert ended.status is ps.Status.MAX_ITERATIONS
+    assert ended.iterations == 3
+    assert np.isfinite(ended.depth).all()
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"scheme": "regularised", "ordering": "checkerboard"}, "ordering"),
+    ({"scheme": "regularised", "accuracy_order": 2}, "accuracy_order"),
+    ({"scheme": "regularised", "boundary": "wall"}, "boundary"),
+    ({"scheme": "regularised", "acceleration": False}, "acceleration"),
+    ({"scheme": "regularised", "max_slope": 3.0}, "max_slope"),
+    ({"scheme": "regularised", "paint": "striped"}, "paint"),
+    ({"scheme": "regularised", "paint": -0.1}, "paint"),
+    ({"scheme": "regularised", "smoothing": 0.0}, "smoothing"),
+    ({"paint": "painted"}, "paint"),
+    ({"scheme": "lax-friedrichs", "smoothing": 2.0}, "smoothing"),
+]
+
+
+@pytest.mark.parametrize(("options", "name"), REFUSED, ids=str)
+def test_what_means_nothing_is_refused(options: dict[str, Any], name: str) -> None:
+    scene = ps.bump((20, 20), light=ps.FlashLight())
+    with pytest.raises(ps.InputError) as error:
+        ps.reconstruct(scene.image, scene.camera, light=scene.light, **options)
+    assert error.value.argument == name
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(), ps.FlashLight(falloff=False)], ids=str)
+def test_something_must_anchor_the_depth(light: ps.ParallelLight | ps.FlashLight) -> None:
+    scene = ps.bump((20, 20), light=light)
+    with pytest.raises(ps.InputError, match=r"anchors the depth|tells of slopes only"):
+        ps.reconstruct(scene.image, scene.camera, light=light, scheme="regularised")
+
+
+def test_it_is_chosen_by_name_only() -> None:
+    scene = ps.bump((20, 20), light=ps.FlashLight())
+    solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    assert solution.parameters["scheme"] == "upwind"
+    named = ps.reconstruct(scene.image, scene.camera, light=scene.light, scheme="regularised")
+    assert named.parameters["scheme"] == "regularised"
+    assert not {"ordering", "boundary", "accuracy_order"} & named.parameters.keys()
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_the_noise_is_found(noise: float) -> None:
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:80, :90]
+    image = 0.5 + 0.3 * np.sin(x / 9.0) * np.cos(y / 11.0) + rng.normal(0.0, noise, x.shape)
+    image[20:22, 30:60] = 5.0
+    there = np.ones(image.shape, bool)
+    assert noise_of(image, there) == pytest.approx(noise, rel=0.1)
+    there[:30] = False
+    image[:30] = np.nan
+    assert noise_of(image, there) == pytest.approx(noise, rel=0.1)
+    assert noise_of(image[:2], there[:2]) == 0.0
