@@ -67,7 +67,7 @@ def fit_albedo(
     image = np.log(np.maximum(np.where(solved, sought.image, 1.0), least))
     log_depth = np.where(np.isnan(sought.known), sought.prior.log_depth, sought.known)
     start: Array | None = None
-    paint: Array | None = None
+    paint = np.where(solved, image - np.log(np.maximum(_shaded(sought, log_depth), least)), 0.0)
     found = Minimum(log_depth)
     for spread in SPREADS:
         shading = np.log(np.maximum(_shaded(sought, log_depth), least))
