@@ -26,6 +26,7 @@ from persfs_cl.bench.distance import distance
 from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
 from persfs_cl.bench.masked import masked
+from persfs_cl.bench.painted import painted
 from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
 from persfs_cl.bench.results import Record
@@ -214,6 +215,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "weno": weno,
     "terrain": terrain,
     "guided": guided,
+    "painted": painted,
     "energy": energy,
     "folder": folder,
     "compilation": compilation,

@@ -411,6 +411,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "weno": ("weno", _weno),
     "terrain": ("terrain", _terrain),
     "guided": ("guided", _guided),
+    "painted": ("painted", _guided),
     "energy": ("energy", _energy),
     "folder": ("folder", _folder),
 }

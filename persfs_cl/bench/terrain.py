@@ -208,15 +208,24 @@ def _guided(plan: Plan, name: str, scene: Scene) -> list[Record]:
         PRIOR: np.exp(prior.log_depth),
         ENERGY: _least(plan, scene.image, scene.camera, scene.light, scene.mask, prior),
     }
-    relief = float(np.ptp(scene.depth[there]))
-    true = normals_of(scene.depth, scene.camera)
-    records = []
-    for way, depth in found.items():
-        error = 100.0 * float(np.nanmean(np.abs(depth - scene.depth)[there])) / relief
-        angle = _median_angle(normals_of(np.where(there, depth, np.nan), scene.camera), true)
-        quantities = ((ERROR, ERROR_UNIT, error), (ANGLE, ANGLE_UNIT, angle))
-        records += [_record(plan, "guided", f"{name}: {way}", scene.image.shape[0], *each) for each in quantities]
-    return records
+    return [
+        record
+        for way, depth in found.items()
+        for record in errors_of(plan, "guided", f"{name}: {way}", scene, there, depth)
+    ]
+
+
+def errors_of(plan: Plan, experiment: str, name: str, scene: Scene, there: Mask, depth: Array) -> list[Record]:
+    """Mean error of depth, and median angle of normals."""
+    apart = np.abs(depth - scene.depth)[there]
+    error = 100.0 * float(np.nanmean(apart)) / float(np.ptp(scene.depth[there]))
+    normals = normals_of(np.where(there, depth, np.nan), scene.camera)
+    angle = _median_angle(normals, normals_of(scene.depth, scene.camera))
+    size = scene.image.shape[0]
+    return [
+        _record(plan, experiment, name, size, ERROR, ERROR_UNIT, error),
+        _record(plan, experiment, name, size, ANGLE, ANGLE_UNIT, angle),
+    ]
 
 
 def prior_of_blocks(
@@ -299,8 +308,8 @@ def _record(plan: Plan, experiment: str, workload: str, size: int, quantity: str
 
 def _shaded(height: Array) -> Array:
     """Brightness of a height in the slanting light, seen from far above."""
-    slopes = (-np.gradient(height, axis=axis) for axis in (1, 0))
-    return np.clip(_LIGHT.brightness(0.0, *slopes, 0.0, 0.0, ps.Lambertian()), 0.0, 1.0)
+    q, p = (-slope for slope in np.gradient(height))
+    return np.clip(_LIGHT.brightness(0.0, p, q, 0.0, 0.0, ps.Lambertian()), 0.0, 1.0)
 
 
 def _in_8_bits(brightness: Array) -> Array:

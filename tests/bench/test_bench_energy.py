@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl.bench import painted
 from persfs_cl.bench import terrain as bench
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
@@ -44,6 +45,20 @@ def test_objects_with_a_prior_are_better_than_it(device: ps.Device, monkeypatch:
         assert errors[f"{scene}: {bench.ENERGY}"] < errors[f"{scene}: {bench.PRIOR}"]
     text = contents(environment(device, ""), records)["guided"]
     assert "| bunny | skipped: get the bunny |" in text
+
+
+def test_paint_is_found(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing() -> None:
+        raise ps.InputError("get the bunny")
+
+    monkeypatch.setattr(painted, "stanford_bunny", missing)
+    records = [record for group in painted.painted(Plan(device, sizes=(90,))) for record in group]
+    errors, angles = found(records, bench.ERROR), found(records, bench.ANGLE)
+    for name in ("bump, checker", "bump, gradient", "hill, checker", "hill, gradient"):
+        fitted, prior = f"{name}: {painted.FITTED}", f"{name}: {bench.PRIOR}"
+        assert errors[fitted] <= 0.5 * errors[f"{name}: {painted.WITHOUT}"]
+        assert angles[fitted] <= 0.75 * angles[prior]
+    assert "| bunny | skipped: get the bunny |" in contents(environment(device, ""), records)["painted"]
 
 
 def test_its_time_is_measured(device: ps.Device) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from persfs_cl.arrays import Array
-from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.camera import PixelGrid
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.energy.view import View
@@ -44,7 +44,7 @@ class Reference:
     def residuals(self, log_depth: Array, white: float = 0.0) -> Array:
         """Of the brightness, 0 where none counts."""
         weights, view = self.weights, self.view
-        p, q = self.slopes(log_depth)
+        p, q = slopes_of(log_depth, view.present, view.grid)
         shaded = self.light.brightness(log_depth, p, q, view.grid.x, view.grid.y, self.reflectance)
         lifted = 0.5 * (shaded + np.sqrt(shaded**2 + 4.0 * weights.floor**2))
         given = np.where(view.solved, view.image, 1.0)
@@ -54,20 +54,6 @@ class Reference:
         else:
             found = (given - lifted) / np.hypot(weights.noise, weights.share * given)
         return np.where(view.solved, found, 0.0)
-
-    def slopes(self, log_depth: Array) -> tuple[Array, Array]:
-        """dZ/dx and dZ/dy: central differences, one-sided where a neighbour is missing, 0 where both are."""
-        grid, flags = self.view.grid, self.view.flags
-        sides = ((NO_LEFT, NO_RIGHT, 1, grid.dx), (NO_UP, NO_DOWN, 0, grid.dy))
-        found = []
-        for no_before, no_after, axis, spacing in sides:
-            steps = np.zeros((2, *log_depth.shape))
-            rise = np.diff(log_depth, axis=axis)
-            before, after = (np.moveaxis(step, axis, 0) for step in steps)
-            before[1:] = after[:-1] = np.moveaxis(rise, axis, 0)
-            there = np.stack([(flags & no_before) == 0, (flags & no_after) == 0])
-            found.append(np.where(there, steps, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1) / spacing)
-        return found[0], found[1]
 
     def bends(self, log_depth: Array) -> list[tuple[float, Array]]:
         """Second differences of slopes along x, along y and across, and how often each counts."""
@@ -82,6 +68,31 @@ class Reference:
             (1.0, bend_y * np.where(column, z[2:] - 2.0 * z[1:-1] + z[:-2], 0.0)),
             (2.0, np.sqrt(bend_x * bend_y) * np.where(square, twist, 0.0)),
         ]
+
+
+def slopes_of(log_depth: Array, present: Mask, grid: PixelGrid) -> tuple[Array, Array]:
+    """dZ/dx and dZ/dy: central differences, one-sided where a neighbour is missing, 0 where both are."""
+    found = []
+    for axis, spacing in ((1, grid.dx), (0, grid.dy)):
+        rise, both = np.diff(log_depth, axis=axis), _both(present, axis)
+        steps, counts = np.zeros((2, *log_depth.shape))
+        for part in (_but_last(axis), _but_first(axis)):
+            steps[part] += np.where(both, rise, 0.0)
+            counts[part] += both
+        found.append(steps / np.maximum(counts, 1.0) / spacing)
+    return found[0], found[1]
+
+
+def _but_last(axis: int) -> tuple[slice, ...]:
+    return (slice(None),) * axis + (slice(None, -1),)
+
+
+def _but_first(axis: int) -> tuple[slice, ...]:
+    return (slice(None),) * axis + (slice(1, None),)
+
+
+def _both(present: Mask, axis: int) -> Mask:
+    return np.asarray(present[_but_last(axis)] & present[_but_first(axis)])
 
 
 def _cauchy(values: Array, scale: float) -> Array:

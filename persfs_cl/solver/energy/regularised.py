@@ -80,6 +80,7 @@ def regularised(
     *,
     paint: str | float = "plain",
     smoothing: float | None = None,
+    fitted: bool = False,
     precision: Precision = "float32",
     start: Array | None = None,
 ) -> Minimum:
@@ -94,6 +95,8 @@ def regularised(
         How far brightness varies beyond the shading; a number is the spread of ln albedo.
     smoothing : float, optional
         Pixels to smooth over; 1 for plain surfaces and 20 for painted ones when not given.
+    fitted : bool
+        Whether paint has been divided out, see :mod:`persfs_cl.solver.energy.albedo`.
     precision : {"float32", "float64"}
     start : ndarray of float64, shape (height, width), optional
         ln z to begin with, NaN where it is to be filled in; the prior when not given.
@@ -125,7 +128,7 @@ def regularised(
     )
     first = first - level
     spacing = None if prior is None else prior.spacing
-    weights = weights_for(view, first, light, sought.reflectance, paint, smoothing, spacing)
+    weights = weights_for(view, first, light, sought.reflectance, paint, smoothing, spacing, fitted=fitted)
     found = minimise(
         device,
         view,

@@ -28,6 +28,10 @@ _LEAST_SPREAD = 0.02
 _SENSITIVITY = 0.125
 """Share of the brightness by which a slope changes it, in directions in which shading tells little. In others the
 surface is smoothed over fewer pixels."""
+_TRUST = 0.08
+"""How much less a pixel of a painted surface counts than its spread says: paint is much the same next to it."""
+_SMOOTHING_OF_REST = 3.0
+"""Pixels to smooth over where paint has been divided out, which leaves errors of its own."""
 _NORMAL = 1.4826
 """From the median of absolute values of a normal distribution to its standard deviation."""
 _PRIOR = 64.0
@@ -90,6 +94,8 @@ def weights_for(
     paint: str | float,
     smoothing: float | None,
     prior_spacing: float | None,
+    *,
+    fitted: bool = False,
 ) -> Weights:
     """The weights for an image.
 
@@ -106,6 +112,8 @@ def weights_for(
         Pixels to smooth over.
     prior_spacing : float or None
         Of the prior, in pixels; None where there is none.
+    fitted : bool
+        Whether paint has been divided out, so that a number for it is the spread of what is left.
     """
     bright = view.image[view.solved]
     top = quantile(bright, _TOP)
@@ -131,7 +139,8 @@ def weights_for(
     spread = max(
         _LEAST_SPREAD, spread_of(view, start, light, reflectance, 0.02 * top) if paint == "painted" else float(paint)
     )
-    over, weight = SMOOTHING_OF_PAINT if smoothing is None else smoothing, 0.08
+    usual, weight = (_SMOOTHING_OF_REST, 1.0) if fitted else (SMOOTHING_OF_PAINT, _TRUST)
+    over = usual if smoothing is None else smoothing
     return Weights(
         painted=True,
         noise=spread,

@@ -1,0 +1,79 @@
+"""Paint and surface found by turns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import persfs_cl as ps
+from persfs_cl.bench.terrain import normals_of, prior_of_blocks
+from persfs_cl.solver.energy.albedo import fit_albedo, piecewise_smooth
+from persfs_cl.solver.energy.minimise import Stopping
+from persfs_cl.solver.energy.regularised import Sought, regularised
+
+Array = NDArray[np.float64]
+
+SIZE = 120
+
+
+def paint_of(kind: str) -> Array:
+    y, x = np.mgrid[:SIZE, :SIZE]
+    if kind == "checker":
+        return np.where((x // 15 + y // 15) % 2, 0.9, 0.3)
+    return np.asarray(0.3 + 0.6 * x / (SIZE - 1.0))
+
+
+def angle(depth: Array, scene: ps.Scene) -> float:
+    cosines = (normals_of(depth, scene.camera) * normals_of(scene.depth, scene.camera)).sum(axis=-1)
+    return float(np.degrees(np.median(np.arccos(np.clip(cosines, -1.0, 1.0)))))
+
+
+@pytest.mark.parametrize("kind", ["checker", "gradient"])
+@pytest.mark.parametrize("make", [ps.bump, ps.hillside])
+def test_painted_scenes_with_a_coarse_prior(device: ps.Device, make: type, kind: str) -> None:
+    scene = make((SIZE, SIZE), light=ps.FlashLight())
+    rng = np.random.default_rng(1)
+    paint, there = paint_of(kind), np.ones((SIZE, SIZE), bool)
+    prior = prior_of_blocks(scene.depth, there, 9, tolerance=0.02, rng=rng)
+    sought = Sought(
+        image=np.maximum(scene.image * paint + rng.normal(0.0, 0.005, there.shape), 0.0),
+        grid=scene.camera.grid(there.shape),
+        light=scene.light,
+        reflectance=ps.Lambertian(),
+        solved=there,
+        known=np.full(there.shape, np.nan),
+        prior=prior,
+    )
+    stopping = Stopping(1e-5, by_distance=True, max_iterations=60, callback=None)
+    without = regularised(device, sought, stopping)
+    found, albedo = fit_albedo(device, sought, stopping)
+    errors = [
+        ps.compare(np.exp(log_depth), scene.depth).mean
+        for log_depth in (without.log_depth + without.level, found.log_depth + found.level, prior.log_depth)
+    ]
+    assert errors[1] <= 0.5 * errors[0]
+    assert errors[1] <= errors[2]
+    assert angle(np.exp(found.log_depth + found.level), scene) <= 0.65 * angle(np.exp(prior.log_depth), scene)
+    off = np.log(albedo / paint)
+    assert np.median(np.abs(off - np.median(off))) < 0.05
+
+
+def test_it_wants_a_prior(device: ps.Device) -> None:
+    scene = ps.bump((20, 20), light=ps.FlashLight())
+    there = np.ones((20, 20), bool)
+    sought = Sought(
+        scene.image, scene.camera.grid((20, 20)), scene.light, ps.Lambertian(), there, np.full((20, 20), np.nan)
+    )
+    with pytest.raises(ps.InputError, match="does not tell paint from shape"):
+        fit_albedo(device, sought, Stopping(1e-5, True, 10, None))
+
+
+def test_smoothing_stops_at_edges() -> None:
+    rng = np.random.default_rng(0)
+    step = np.where(np.arange(60) < 25, 0.0, 1.0) + np.zeros((50, 1))
+    there = np.ones(step.shape, bool)
+    there[10:20, 20:30] = False
+    smooth = piecewise_smooth(np.where(there, step + rng.normal(0.0, 0.05, step.shape), 7.0), there)
+    assert np.abs(smooth - step)[there].max() < 0.05
+    assert not smooth[~there].any()
