@@ -15,11 +15,12 @@ from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
 from persfs_cl.cli.options import (
-    AlbedoOption,
+    AlbedoOrFitOption,
     FarOption,
     GuideOption,
     GuideUnitOption,
     NearOption,
+    chosen_albedo,
     chosen_bounds,
     chosen_camera,
     chosen_guide,
@@ -123,7 +124,7 @@ def batch(
     ] = None,
     light: Light,
     reflectance: Reflectance,
-    albedo: AlbedoOption = None,
+    albedo: AlbedoOrFitOption = None,
     brightness: Brightness,
     mask: Annotated[
         Path | None,
@@ -228,7 +229,7 @@ def batch(
         mask=mask,
         walls=walls,
         known_depth=known_depth,
-        albedo=albedo,
+        albedo=chosen_albedo(albedo),
         near=nearest,
         far=farthest,
         guides=guides,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any, Optional, cast, get_args
+from typing import Annotated, Any, Literal, Optional, cast, get_args
 
 import typer
 
@@ -37,6 +37,28 @@ AlbedoOption = Annotated[
         rich_help_panel=_MATERIAL,
     ),
 ]
+
+
+def _albedo(text: str) -> Path | Literal["fit"]:
+    return "fit" if text == "fit" else Path(text)
+
+
+AlbedoOrFitOption = Annotated[
+    str | None,
+    typer.Option(
+        "--albedo",
+        metavar="FILE|fit",
+        help="Paint: an image of the share of light that each pixel's surface returns, white all of it, or .npy. fit "
+        "finds it, with a guide and --scheme regularised.",
+        rich_help_panel=_MATERIAL,
+    ),
+    MayBePath(_albedo),
+]
+
+
+def chosen_albedo(text: str | None) -> Path | Literal["fit"] | None:
+    """What the option tells."""
+    return None if text is None else _albedo(text)
 
 
 def _bound(text: str) -> float | Path:

@@ -167,8 +167,9 @@ class Fitted:
         most = mode_of(residuals, noise)
         shift = np.full(cells.count, most if free else 0.0)
         trusted = agreeing(residuals, cells, noise, step)
-        # A surface that the guide itself has placed tells nothing of what it errs.
-        distortion = distortion_of(residuals - shift, trusted, noise) if held or scale != "fixed" else 0.0
+        # A surface that the guide itself has placed tells nothing of what it errs, and who gives a tolerance knows.
+        told = tolerance is None and (held or scale != "fixed")
+        distortion = distortion_of(residuals - most, trusted, noise) if told else 0.0
         drifts = free and distortion > noise
         if drifts:
             shift = drift_of(residuals, cells, noise)

@@ -302,7 +302,7 @@ def batch(
     masks : path, optional
         Folder with a mask for each photograph: that of ``a/b.jpg`` is ``a/b.jpg.png``, black where nothing is solved.
     mask, walls, known_depth, albedo : path, optional
-        Files for all photographs, of their size.
+        Files for all photographs, of their size. An albedo may be "fit", as for :func:`reconstruct`.
     near, far : float or path, optional
         Depths between which all surfaces lie, see `depth_range` of :func:`reconstruct`: numbers, or such files.
     guides : path, optional
@@ -384,12 +384,12 @@ def batch(
         "mask": mask,
         "walls": walls,
         "known_depth": known_depth,
-        "albedo": albedo,
     }
     plan = Plan(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
         **{name: None if file is None else as_path(file) for name, file in files.items()},
+        albedo="fit" if albedo == "fit" else None if albedo is None else as_path(albedo),
         near=near,
         far=far,
         guide=None if guide is None else GuideFile(as_path(guide), guide_unit),

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class Job:
     camera : CameraChoice
     brightness : Brightness
     mask, walls, known_depth, albedo : Path or None
-        Files of the photo's size.
+        Files of the photo's size. An albedo may be "fit": it is found.
     near, far : float, Path or None
         Depths between which the surface lies, as numbers or files.
     guide : GuideFile or None
@@ -71,7 +71,7 @@ class Job:
     mask: Path | None = None
     walls: Path | None = None
     known_depth: Path | None = None
-    albedo: Path | None = None
+    albedo: Path | Literal["fit"] | None = None
     near: float | Path | None = None
     far: float | Path | None = None
     guide: GuideFile | None = None
@@ -86,7 +86,7 @@ class Job:
         return str(self.path) if self.frame is None else f"{self.path}, frame {self.frame}"
 
     @property
-    def files(self) -> dict[str, float | Path | None]:
+    def files(self) -> dict[str, float | str | Path | None]:
         """The photo, and what comes with it; bounds of the depth may be numbers."""
         names = ("path", "mask", "walls", "known_depth", "albedo", "near", "far")
         guide = None if self.guide is None else self.guide.path
@@ -124,7 +124,7 @@ class JobInputs:
     wanted: Mask
     walls: Mask | None
     known_depth: Array | None
-    albedo: Array | None
+    albedo: Array | Literal["fit"] | None
     depth_range: tuple[float | Array | None, float | Array | None] | None
     guide: Array | Points | None
 
@@ -193,8 +193,10 @@ def read_job(job: Job) -> JobInputs:
     inside = np.ones(shape, bool) if job.mask is None else read_mask(job.mask, shape, orientation=turned)
     walls = None if job.walls is None else read_mask(job.walls, shape, orientation=turned)
     depths = None if job.known_depth is None else read_depth(job.known_depth, shape, orientation=turned)
-    shares = None
-    if job.albedo is not None:
+    shares: Array | Literal["fit"] | None = None
+    if job.albedo == "fit":
+        shares = "fit"
+    elif job.albedo is not None:
         shares = read_light(job.albedo, shape, channel=photo.channel, encoding=encoding, orientation=turned)
     bounds = [
         read_depth(one, shape, orientation=turned) if isinstance(one, Path) else one for one in (job.near, job.far)
@@ -244,7 +246,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             if assumed:
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
-                albedo = inputs.albedo
+                albedo = None if isinstance(inputs.albedo, str) else inputs.albedo
                 looked_at = solvable if walls is None else solvable & ~walls
                 brightness = image if albedo is None else image / albedo
                 warn_of_steep_outline(brightness, looked_at, wanted, job.light, job.reflectance)

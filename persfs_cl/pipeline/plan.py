@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import opened
@@ -66,7 +66,7 @@ class Plan:
     mask: Path | None = None
     walls: Path | None = None
     known_depth: Path | None = None
-    albedo: Path | None = None
+    albedo: Path | Literal["fit"] | None = None
     near: float | Path | None = None
     far: float | Path | None = None
     guides: Path | None = None
@@ -157,6 +157,7 @@ class Plan:
                 name: "file" if isinstance(value, Path) else value for name, value in vars(job.brightness).items()
             },
             "bounds": ["file" if isinstance(bound, Path) else bound for bound in (job.near, job.far)],
+            "albedo": job.albedo if isinstance(job.albedo, str) else None,
             "guide_unit": None if job.guide is None else job.guide.unit,
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),

@@ -78,6 +78,8 @@ class Given:
         As given; anything where there is nothing to solve.
     albedo : ndarray of float64, shape of the image, or None
         By which the photograph was divided.
+    fits_albedo : bool
+        Whether it is to be found along with the surface.
     camera : Camera
     window : Window
         The part of the image that is solved. Arrays that are not of the shape of the image are of its (height, width).
@@ -115,6 +117,7 @@ class Given:
 
     photograph: Array
     albedo: Array | None
+    fits_albedo: bool
     camera: Camera
     window: Window
     image: Array
@@ -143,7 +146,7 @@ def check(
     mask: ArrayLike | None,
     walls: ArrayLike | None,
     known_depth: ArrayLike | None,
-    albedo: ArrayLike | None = None,
+    albedo: ArrayLike | str | None = None,
     depth_range: Any = None,
     guide: Any = None,
     *,
@@ -179,6 +182,7 @@ def check(
         wanted_of_guide = wanted if barriers is None else wanted & ~barriers
         told = Guide.of(guide, wanted_of_guide, options["guide_kind"], options["guide_scale"])
     require_scale(light, told, options["guide_scale"], others=known_depth is not None or depth_range is not None)
+    fits_albedo = require_albedo_to_fit(albedo, scheme, told)
     sign = 1.0 if options["surface"] == "away" else -1.0
     depths = None if known_depth is None else as_known_depth("known_depth", known_depth, shape)[0]
     within = None if depth_range is None else DepthRange.of(depth_range, shape)
@@ -229,7 +233,7 @@ def check(
     on_walls = None if barriers is None else barriers & (wanted | known)
     kept = known if barriers is None else known & ~barriers
     reflecting = None
-    if albedo is not None:
+    if albedo is not None and not fits_albedo:
         used = kept | window.spread(layout.solved, False)
         reflecting = as_albedo("albedo", albedo, used if on_walls is None else used | on_walls)
     # Pixels that are not solved may hold anything: what is no brightness must not be taken for one.
@@ -262,6 +266,7 @@ def check(
     return Given(
         photograph=photograph,
         albedo=reflecting,
+        fits_albedo=fits_albedo,
         camera=camera,
         window=window,
         image=brightness,
@@ -283,6 +288,29 @@ def check(
         model=model,
         scheme=scheme,
     )
+
+
+def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, guide: Guide | None) -> bool:
+    """Whether the albedo is to be found; InputError when it is a word, and cannot be."""
+    if not isinstance(albedo, str):
+        return False
+    if albedo != "fit":
+        raise InputError.about("albedo", albedo, "is no array: give 'fit', or read_light(path, shape) of a path.")
+    if not scheme.by_energy:
+        raise InputError.about(
+            "albedo",
+            albedo,
+            f"with {keyword('scheme', scheme.name)}, which takes the image at its word: give "
+            f"{keyword('scheme', 'regularised')}.",
+        )
+    if guide is None:
+        raise InputError.about(
+            "albedo",
+            albedo,
+            f"without {keyword('guide')}: shading alone does not tell paint from shape. Give one, or the albedo "
+            "itself.",
+        )
+    return True
 
 
 def _brightest(model: Model, grid: PixelGrid, scheme: Scheme) -> float:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +38,7 @@ def reconstruct(
     mask: ArrayLike | None = None,
     walls: ArrayLike | None = None,
     known_depth: ArrayLike | None = None,
-    albedo: ArrayLike | None = None,
+    albedo: ArrayLike | Literal["fit"] | None = None,
     depth_range: tuple[ArrayLike | None, ArrayLike | None] | None = None,
     guide: ArrayLike | Points | None = None,
     **options: Unpack[Options],
@@ -74,6 +74,8 @@ def reconstruct(
         `depth_range`, nothing is known. Without fall-off some depth or range must be given.
     albedo : array_like of float, shape (height, width), optional
         Share of light in (0, 1] that the surface returns at each pixel, by which the image is divided; 1 if not given.
+        "fit" finds it along with the surface: piecewise smooth, with ``scheme="regularised"`` and a guide, which tells
+        what is shape. Paint that follows the shape cannot be told from it.
     depth_range : (near, far), optional
         Depths between which the surface lies, each a number, or an array of float of shape (height, width); NaN, or
         None, where there is no bound. What lies there may be coarse: from a depth sensor, stereo, or a caliper. Where
@@ -202,7 +204,7 @@ def reconstruct_batch(
     mask: Sequence[ArrayLike | None] | None = None,
     walls: Sequence[ArrayLike | None] | None = None,
     known_depth: Sequence[ArrayLike | None] | None = None,
-    albedo: Sequence[ArrayLike | None] | None = None,
+    albedo: Sequence[ArrayLike | Literal["fit"] | None] | None = None,
     depth_range: Sequence[tuple[ArrayLike | None, ArrayLike | None] | None] | None = None,
     guide: Sequence[ArrayLike | Points | None] | None = None,
     **options: Unpack[Options],

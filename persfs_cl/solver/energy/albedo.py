@@ -9,11 +9,9 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.choices import Precision
-from persfs_cl.errors import InputError
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.reference import slopes_of
 from persfs_cl.solver.energy.regularised import Sought, regularised
-from persfs_cl.wording import keyword
 
 SPREADS = (0.2, 0.12, 0.08, 0.05)
 """Of what ln albedo is off by, round after round: the surface is let go only as far as paint is told from shading."""
@@ -48,24 +46,14 @@ def fit_albedo(
     -------
     found : Minimum
     albedo : ndarray of float64, shape (height, width)
-        1 in the middle of its values; NaN where nothing is solved.
-
-    Raises
-    ------
-    InputError
-        When there is no prior.
+        Share of light, 1 at most; NaN where nothing is solved.
     """
-    if sought.prior is None:
-        raise InputError(
-            f"{keyword('albedo', 'fit')} without a prior: shading alone does not tell paint from shape. Give "
-            f"{keyword('guide')}, or the albedo itself.",
-            argument="albedo",
-            value="fit",
-        )
+    prior = sought.prior
+    assert prior is not None  # noqa: S101 - for the type checker
     solved = sought.solved
     least = _DARKEST * float(sought.image[solved].max())
     image = np.log(np.maximum(np.where(solved, sought.image, 1.0), least))
-    log_depth = np.where(np.isnan(sought.known), sought.prior.log_depth, sought.known)
+    log_depth = np.where(np.isnan(sought.known), prior.log_depth, sought.known)
     start: Array | None = None
     paint = np.where(solved, image - np.log(np.maximum(_shaded(sought, log_depth), least)), 0.0)
     found = Minimum(log_depth)
@@ -86,7 +74,8 @@ def fit_albedo(
             start=start,
         )
         start = log_depth = found.log_depth + found.level
-    return found, np.where(solved, np.exp(paint), np.nan)
+    # A matt surface returns no more than all light; what is brighter is noise, or a light that is too weak.
+    return found, np.where(solved, np.minimum(np.exp(paint + found.white), 1.0), np.nan)
 
 
 def piecewise_smooth(values: Array, there: Mask, start: Array | None = None) -> Array:

@@ -15,6 +15,7 @@ from persfs_cl.guide.fit import Fitted, GuideFit
 from persfs_cl.guide.guide import Guide
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.bounds import DepthRange
+from persfs_cl.solver.energy.albedo import fit_albedo
 from persfs_cl.solver.energy.minimise import Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
@@ -68,21 +69,27 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         cells = guide.cells if fitted is None else fitted.cells
         noise = _noise(cells, options) if fitted is None else fitted.noise
         prior = prior_of(cells, noise if fitted is None else float(np.hypot(noise, fitted.distortion)))
-    found = regularised(
-        device,
-        Sought.of(problem, prior),
-        Stopping(
-            tolerance=options["tolerance"],
-            by_distance=options["stopping"] == "distance",
-            max_iterations=options["max_iterations"],
-            callback=stop_at_once if stopped else watch,
-        ),
-        # Of a flash the sweeps know more than any guide.
-        start=start if prior is None or light.determines_depth else None,
-        paint=options["paint"],
-        smoothing=options["smoothing"],
-        precision=options["precision"],
+    stopping = Stopping(
+        tolerance=options["tolerance"],
+        by_distance=options["stopping"] == "distance",
+        max_iterations=options["max_iterations"],
+        callback=stop_at_once if stopped else watch,
     )
+    sought, precision = Sought.of(problem, prior), options["precision"]
+    if problem.fits_albedo:
+        found, albedo = fit_albedo(device, sought, stopping, precision=precision)
+        problem = replace(problem, albedo=problem.window.spread(np.nan_to_num(albedo, nan=1.0), 1.0))
+    else:
+        found = regularised(
+            device,
+            sought,
+            stopping,
+            # Of a flash the sweeps know more than any guide.
+            start=start if prior is None or light.determines_depth else None,
+            paint=options["paint"],
+            smoothing=options["smoothing"],
+            precision=precision,
+        )
     run = Iteration(
         [], [found.changes], [found.status], [found.distance], "energy", found.build_seconds, found.kernel_seconds
     )
@@ -120,7 +127,9 @@ def _fitted(problem: Problem, guide: Guide, log_depth: Array, options: Options) 
         held=light.determines_depth,
         tolerance=options["guide_tolerance"],
     )
-    if not unknown and options["guide_scale"] == "fixed":
+    # Paint makes a surface look farther than it is.
+    plain = options["paint"] == "plain" and not problem.fits_albedo
+    if plain and not unknown and options["guide_scale"] == "fixed":
         warn_of_contradiction(fitted, light)
     return fitted
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl.bench.terrain import normals_of, prior_of_blocks
+from persfs_cl.errors import PersfsWarning
 from persfs_cl.solver.energy.albedo import fit_albedo, piecewise_smooth
 from persfs_cl.solver.energy.minimise import Stopping
 from persfs_cl.solver.energy.regularised import Sought, regularised
@@ -59,14 +62,36 @@ def test_painted_scenes_with_a_coarse_prior(device: ps.Device, make: type, kind:
     assert np.median(np.abs(off - np.median(off))) < 0.05
 
 
-def test_it_wants_a_prior(device: ps.Device) -> None:
+def test_a_guide_tells_paint_from_shape(device: ps.Device) -> None:
+    scene, paint = ps.bump((SIZE, SIZE), light=ps.FlashLight()), paint_of("checker")
+    blocks = scene.depth.reshape(SIZE // 8, 8, SIZE // 8, 8).mean(axis=(1, 3))
+    guide = blocks + np.random.default_rng(0).normal(0.0, 0.02 * np.ptp(blocks), blocks.shape)
+    given: dict[str, Any] = {"light": scene.light, "guide": guide, "scheme": "regularised", "device": device}
+    image = paint * scene.image
+    found = ps.reconstruct(image, scene.camera, albedo="fit", max_iterations=60, **given)
+    with pytest.warns(PersfsWarning, match="guide has most depths"):
+        without = ps.reconstruct(image, scene.camera, max_iterations=60, **given)
+    errors = [ps.compare(solution.depth, scene.depth).mean for solution in (found, without)]
+    assert errors[0] < 0.5 * errors[1]
+    assert found.albedo is not None
+    assert 0.0 < found.albedo.min() < found.albedo.max() <= 1.0
+    assert np.median(np.abs(np.log(found.albedo / paint))) < 0.1
+    # It is what the surface is painted with.
+    np.testing.assert_allclose(np.median(found.render() / image), 1.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"scheme": "regularised"}, "albedo='fit' without guide.*paint from shape"),
+        ({"guide": np.ones((3, 3))}, "albedo='fit' with scheme='upwind'.*scheme='regularised'"),
+        ({"albedo": "paint.png"}, "albedo='paint.png' is no array"),
+    ],
+)
+def test_it_wants_a_guide_and_the_scheme(keywords: dict[str, Any], message: str) -> None:
     scene = ps.bump((20, 20), light=ps.FlashLight())
-    there = np.ones((20, 20), bool)
-    sought = Sought(
-        scene.image, scene.camera.grid((20, 20)), scene.light, ps.Lambertian(), there, np.full((20, 20), np.nan)
-    )
-    with pytest.raises(ps.InputError, match="does not tell paint from shape"):
-        fit_albedo(device, sought, Stopping(1e-5, True, 10, None))
+    with pytest.raises(ps.InputError, match=message):
+        ps.reconstruct(scene.image, scene.camera, light=scene.light, **{"albedo": "fit", **keywords})
 
 
 def test_smoothing_stops_at_edges() -> None:
