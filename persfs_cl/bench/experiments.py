@@ -25,6 +25,7 @@ from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.distance import distance
 from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
+from persfs_cl.bench.guided import guided
 from persfs_cl.bench.masked import masked
 from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
@@ -210,6 +211,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "ambiguity": ambiguity,
     "lamp": lamp,
     "calibration": calibration,
+    "guided": guided,
     "weno": weno,
     "folder": folder,
     "compilation": compilation,
