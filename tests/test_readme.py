@@ -64,7 +64,8 @@ def typed_lines(example: Example) -> list[str]:
 
 
 README = examples("README.md")
-EXAMPLES = [*README, *(each for page in ("choosing", "calibrate", "guided", "accuracy") for each in examples(f"docs/{page}.md"))]
+PAGES_THAT_RUN = ("choosing", "calibrate", "guided", "accuracy")
+EXAMPLES = [*README, *(each for page in PAGES_THAT_RUN for each in examples(f"docs/{page}.md"))]
 
 
 def test_readme_has_examples_of_both_kinds_and_output() -> None:

@@ -129,7 +129,7 @@ def _drawn(plan: Plan, case: Case, surfaces: Sequence[Surface], seed: int) -> di
     if isinstance(found.light, ps.ParallelLight) and isinstance(case.light, ps.ParallelLight):
         errors[DIRECTION] = _angle(found.light, case.light)
     elif isinstance(found.light, ps.FlashLight) and isinstance(case.light, ps.FlashLight):
-        errors[GAIN] = 100.0 * abs(found.light.gain * white - 1.0)
+        errors[GAIN] = 100.0 * abs(found.values["gain"] * white - 1.0)
         if "lamp" in case.fit:
             apart = float(np.linalg.norm(np.subtract(found.light.offset, case.light.offset)))
             errors[LAMP] = apart / float(np.nanmedian(surfaces[0][0]))

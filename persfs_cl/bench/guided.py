@@ -234,7 +234,7 @@ def _compared(plan: Plan, workload: str, views: Sequence[Scene], case: Case) -> 
         device=plan.device,
         precision=plan.precision,
     )
-    light = {"light": views[0].light}
+    light: dict[str, Any] = {"light": views[0].light}
     depths = {
         GUIDE: [_interpolated(guide, view.mask) for guide, view in zip(guides, views, strict=True)],
         GUIDED: [each.depth for each in solve(guide=given, **light | dict(case.keywords))],

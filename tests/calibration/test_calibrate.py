@@ -74,7 +74,7 @@ def test_gain_tone_and_lamp_are_found_from_a_hundred_points() -> None:
         for seed, depth in ((0, NEAR), (1, FAR))
     ]
     calibration = ps.calibrate(pairs, CAMERA, fit="gain,exponent,lamp")
-    assert lamp_of(calibration).gain * white == pytest.approx(1.0, abs=0.01)
+    assert calibration.values["gain"] * white == pytest.approx(1.0, abs=0.01)
     assert calibration.exponent == pytest.approx(1.2, abs=0.03)
     apart = np.subtract(lamp_of(calibration).offset, LAMP)
     assert np.linalg.norm(apart) <= 0.02
