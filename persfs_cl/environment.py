@@ -21,6 +21,7 @@ _PACKAGES = (
     "numba",
     "scikit-fmm",
     "pymeshfix",
+    "tvb-data",
     "distributed",
 )
 

@@ -64,7 +64,8 @@ def typed_lines(example: Example) -> list[str]:
 
 
 README = examples("README.md")
-EXAMPLES = [*README, *(each for page in ("choosing", "calibrate", "accuracy") for each in examples(f"docs/{page}.md"))]
+PAGES_THAT_RUN = ("choosing", "calibrate", "guided", "accuracy")
+EXAMPLES = [*README, *(each for page in PAGES_THAT_RUN for each in examples(f"docs/{page}.md"))]
 
 
 def test_readme_has_examples_of_both_kinds_and_output() -> None:
@@ -136,6 +137,6 @@ def test_what_pages_import_is_there() -> None:
             assert hasattr(import_module(module), name.strip()), f"{page.name} imports {name} from {module}"
 
 
-@pytest.mark.parametrize("name", ["demo.png", "walls.png"])
+@pytest.mark.parametrize("name", ["demo.png", "walls.png", "guide.png", "guided.png", "guided-counts.png"])
 def test_the_pictures_are_small(name: str) -> None:
     assert (ROOT / "docs" / name).stat().st_size < 400_000

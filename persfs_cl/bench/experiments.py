@@ -25,6 +25,7 @@ from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.distance import distance
 from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
+from persfs_cl.bench.guided import guided
 from persfs_cl.bench.masked import masked
 from persfs_cl.bench.painted import painted
 from persfs_cl.bench.plan import SCHEMES, Plan
@@ -32,7 +33,7 @@ from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured,
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.roofline import roofline
 from persfs_cl.bench.tasks import tasks
-from persfs_cl.bench.terrain import energy, guided, terrain
+from persfs_cl.bench.terrain import energy, priors, terrain
 from persfs_cl.bench.workloads import Workload, iterations, smooth_problem, sweeper, sweeps_alone
 
 Experiment = Callable[[Plan], Iterator[list[Record]]]
@@ -212,9 +213,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "ambiguity": ambiguity,
     "lamp": lamp,
     "calibration": calibration,
+    "guided": guided,
     "weno": weno,
     "terrain": terrain,
-    "guided": guided,
+    "priors": priors,
     "painted": painted,
     "energy": energy,
     "folder": folder,

@@ -8,6 +8,7 @@ from typing import Any
 
 from persfs_cl.bench import accuracy as exact
 from persfs_cl.bench import distance as limits
+from persfs_cl.bench import guided as guides
 from persfs_cl.bench.alternatives import WENO
 from persfs_cl.bench.calibration import QUANTITIES
 from persfs_cl.bench.calls import FAST_MARCHING, SPEED
@@ -311,12 +312,30 @@ def _lamp(records: Records) -> str:
 
 
 def _calibration(records: Records) -> str:
+    return _a_column_each("known: also sought", QUANTITIES, records)
+
+
+def _a_column_each(head: str, quantities: Mapping[str, str], records: Records) -> str:
+    """A row each workload, a column each of the quantities, which have units."""
     found: dict[str, dict[str, str]] = {}
     for record in records:
         found.setdefault(record.workload, {})[record.quantity] = _value(record, two_digits)
-    header = ("known: also sought", *(f"{name}, {unit}".rstrip(", ") for name, unit in QUANTITIES.items()))
-    rows = [(name, *(cells.get(quantity, "") for quantity in QUANTITIES)) for name, cells in found.items()]
+    header = (head, *(f"{name}, {unit}".rstrip(", ") for name, unit in quantities.items()))
+    rows = [(name, *(cells.get(quantity, "") for quantity in quantities)) for name, cells in found.items()]
     return markdown_table(header, rows, words=1)
+
+
+def _guided(records: Records) -> str:
+    flash = {record.workload for record in records if record.quantity == guides.ALONE}
+    own = [record for record in records if record.workload in flash]
+    return _a_column_each("object: guide", guides.QUANTITIES, own)
+
+
+def _guided_lights(records: Records) -> str:
+    flash = {record.workload for record in records if record.quantity == guides.ALONE}
+    own = [record for record in records if record.workload not in flash]
+    told = {record.quantity: record.unit for record in own}
+    return _a_column_each("scene: light", told, own)
 
 
 def _weno(records: Records) -> str:
@@ -352,7 +371,7 @@ def _terrain(records: Records) -> str:
     return markdown_table(("blocks", "what", *noises), cells, words=2)
 
 
-def _guided(records: Records) -> str:
+def _priors(records: Records) -> str:
     rows: dict[str, dict[str, str]] = {}
     for name, cell in _errors_and_angles(records).items():
         scene, way = name.split(": ") if ": " in name else (name, "")
@@ -408,10 +427,12 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "ambiguity": ("ambiguity", _ambiguity),
     "lamp": ("lamp", _lamp),
     "calibration": ("calibration", _calibration),
+    "guided": ("guided", _guided),
+    "guided-lights": ("guided", _guided_lights),
     "weno": ("weno", _weno),
     "terrain": ("terrain", _terrain),
-    "guided": ("guided", _guided),
-    "painted": ("painted", _guided),
+    "priors": ("priors", _priors),
+    "painted": ("painted", _priors),
     "energy": ("energy", _energy),
     "folder": ("folder", _folder),
 }

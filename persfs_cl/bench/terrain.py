@@ -155,7 +155,7 @@ def _terrain(plan: Plan, noise: float, step: int, ground: Terrain) -> list[Recor
     ]
 
 
-def guided(plan: Plan) -> Iterator[list[Record]]:
+def priors(plan: Plan) -> Iterator[list[Record]]:
     """Objects under a flash, with the depth of blocks of nine by nine pixels as a prior, off by 2 % of the relief."""
     size = plan.size(_GUIDED_SIZE)
     scenes: dict[str, Callable[[], Scene]] = {
@@ -165,9 +165,9 @@ def guided(plan: Plan) -> Iterator[list[Record]]:
     try:
         scenes["bunny"] = partial(scanned, stanford_bunny(), size, bits=8, noise=0.005)
     except InputError as reason:
-        yield [skip("guided", "bunny", ERROR, ERROR_UNIT, size, plan.precision, str(reason))]
+        yield [skip("priors", "bunny", ERROR, ERROR_UNIT, size, plan.precision, str(reason))]
     for name, make in scenes.items():
-        yield _guided(plan, name, make())
+        yield _with_prior(plan, name, make())
 
 
 def energy(plan: Plan) -> Iterator[list[Record]]:
@@ -196,7 +196,7 @@ def energy(plan: Plan) -> Iterator[list[Record]]:
         ]
 
 
-def _guided(plan: Plan, name: str, scene: Scene) -> list[Record]:
+def _with_prior(plan: Plan, name: str, scene: Scene) -> list[Record]:
     there = np.isfinite(scene.depth) if scene.mask is None else scene.mask
     rng = np.random.default_rng(5)
     prior = prior_of_blocks(scene.depth, there, _GUIDED_STEP, tolerance=_GUIDE_NOISE, rng=rng)
@@ -211,7 +211,7 @@ def _guided(plan: Plan, name: str, scene: Scene) -> list[Record]:
     return [
         record
         for way, depth in found.items()
-        for record in errors_of(plan, "guided", f"{name}: {way}", scene, there, depth)
+        for record in errors_of(plan, "priors", f"{name}: {way}", scene, there, depth)
     ]
 
 

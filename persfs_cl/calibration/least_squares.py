@@ -1,8 +1,8 @@
 """Robust least squares for a handful of numbers whose residuals are dear: Levenberg-Marquardt with weights.
 
 First come Huber's, which lead to one minimum, and then Tukey's, by which outliers do not count at all. SciPy has no
-redescending weights, which are what keeps parts of a surface out that a jump drags along; and it would be the largest
-dependency of the package, for these few lines.
+weights that redescend to 0, which are what keeps parts of a surface out that a jump drags along; and the sandwich that
+tells the standard errors wants these weights with the Jacobian at the end.
 """
 
 from __future__ import annotations

@@ -39,11 +39,11 @@ def test_objects_with_a_prior_are_better_than_it(device: ps.Device, monkeypatch:
         raise ps.InputError("get the bunny")
 
     monkeypatch.setattr(bench, "stanford_bunny", missing)
-    records = [record for group in bench.guided(Plan(device, sizes=(90,))) for record in group]
+    records = [record for group in bench.priors(Plan(device, sizes=(90,))) for record in group]
     errors = found(records, bench.ERROR)
     for scene in ("bump", "hill"):
         assert errors[f"{scene}: {bench.ENERGY}"] < errors[f"{scene}: {bench.PRIOR}"]
-    text = contents(environment(device, ""), records)["guided"]
+    text = contents(environment(device, ""), records)["priors"]
     assert "| bunny | skipped: get the bunny |" in text
 
 
