@@ -4,8 +4,9 @@
  *
  * A pixel of a coarse grid is a square of four of the finer one. A value is interpolated linearly between the middles of
  * squares, from nine, three and three sixteenths and one sixteenth of four of them; beyond the edge they are 0. Adding up
- * is the transposed of that, so that the whole is symmetric. Global size (work-items of a row, height), of the coarse grid where there are two. All
- * arrays are padded. Where 1 over the diagonal is 0 nothing goes into a grid and nothing comes from it: it ends there.
+ * is the transposed of that, so that the whole is symmetric. Global size (work-items of a row, height), of the coarse
+ * grid where there are two. All arrays are padded. Where 1 over the diagonal is 0 nothing goes into a grid and nothing
+ * comes from it: it ends there.
  */
 
 #if LANES > 1

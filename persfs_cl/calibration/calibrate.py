@@ -118,7 +118,8 @@ def calibrate(
     (True, True)
     """
     given = _pairs(pairs)
-    require_light(light)
+    # What is not known begins at 1, and is sought like all else.
+    light = light.of_unit_gain if require_light(light).unknown else light
     require_reflectance(reflectance)
     if not isinstance(preparation, Preparation):
         raise InputError.about("preparation", preparation, "is none: give Preparation(...), or leave it out.")

@@ -86,7 +86,15 @@ class Search:
         for parameter in parameters:
             if parameter.name in _LEVELS:
                 unit = parameter.write(self.start, 0.0)
-                numbers.append(math.log(float(np.median([one.level(unit) for one in self.evidence]))))
+                level = float(np.median([one.level(unit) for one in self.evidence]))
+                # Written so that NaN is refused too.
+                if not level > 0.0:
+                    raise InputError(
+                        f"{keyword('light', self.start.light)} does not reach the surface that is known: give the "
+                        "place of the lamp in the unit of its depth.",
+                        argument="light",
+                    )
+                numbers.append(math.log(level))
             else:
                 numbers.append(parameter.read(self.start))
         return np.array(numbers, dtype=np.float64)

@@ -16,6 +16,8 @@ from persfs_cl.arrays import Array, Mask
 _NOWHERE = -1
 NEIGHBOURS = 8
 """Of a cell, at most."""
+_REACH = 2.0
+"""Spacings from a cell within which it is not too far to say anything."""
 _FINE = 3.0
 """Pixels from cell to cell below which there is no need to interpolate."""
 
@@ -152,6 +154,15 @@ class Cells:
         distances, nearest = distance_transform_edt(np.isnan(placed), return_indices=True)
         found = placed[tuple(nearest)]
         return np.asarray(found if within is None else np.where(distances <= within, found, 0.0))
+
+    def reached(self, chosen: Mask) -> Mask:
+        """Pixels that lie no farther from some cells than these are apart: of others nothing is known."""
+        from scipy.ndimage import distance_transform_edt  # slow to import
+
+        speaks = np.append(chosen, False)[self.of_pixel] & (self.of_pixel >= 0)
+        if not speaks.any():
+            return speaks
+        return np.asarray(distance_transform_edt(~speaks) <= _REACH * max(1.0, self.spacing))
 
     def interpolated(self, values: Array) -> Array:
         """A map through the values of the cells: linear between their middles, the nearest outside; not NaN."""

@@ -213,11 +213,17 @@ def band(cells: Cells, tolerance: float | None) -> tuple[Array, Array]:
     """Bounds of ln depth between which a surface begins that no photograph holds: around the guide, interpolated."""
     noise = noise_of(cells.values, cells) if tolerance is None else tolerance
     middle = cells.interpolated(cells.values)
-    down, across = (
-        np.gradient(middle, axis=axis) if middle.shape[axis] > 1 else np.zeros_like(middle) for axis in (0, 1)
-    )
-    half = _BAND * noise + 0.5 * cells.spacing * np.hypot(down, across)
+    half = _BAND * noise + 0.5 * cells.spacing * slope_of(middle)
+    half[~cells.reached(~np.isnan(cells.values))] = np.nan
     return middle - half, middle + half
+
+
+def slope_of(values: Array) -> Array:
+    """Size of the gradient of a map, between pixels."""
+    down, across = (
+        np.gradient(values, axis=axis) if values.shape[axis] > 1 else np.zeros_like(values) for axis in (0, 1)
+    )
+    return np.asarray(np.hypot(down, across))
 
 
 def _line_of(guide: Guide, log_depth: Array) -> tuple[float, float]:
@@ -238,8 +244,16 @@ def _line_of(guide: Guide, log_depth: Array) -> tuple[float, float]:
         )
     random = np.random.default_rng(0)
     first, second = random.integers(0, numbers.size, (2, _TRIALS))
-    apart = np.abs(numbers[first] - numbers[second]) > _APART * np.ptp(numbers)
+    # Of most of them: a single wild one must not make all others alike.
+    spread = float(np.ptp(np.percentile(numbers, (5, 95)))) or float(np.ptp(numbers))
+    apart = np.abs(numbers[first] - numbers[second]) > _APART * spread
     first, second = first[apart], second[apart]
+    if not first.size:
+        raise InputError(
+            f"{keyword('guide')} has nearly the same value everywhere on the surface, from which "
+            f"{keyword('guide_scale', 'affine')} cannot be found: give a guide with more different ones.",
+            argument="guide",
+        )
     factors = (goal[first] - goal[second]) / (numbers[first] - numbers[second])
     offsets = goal[first] - factors * numbers[first]
     sample = random.permutation(numbers.size)[:_SAMPLE]

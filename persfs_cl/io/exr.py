@@ -13,8 +13,8 @@ from persfs_cl.io.files import opened
 from persfs_cl.io.limits import require_pixels
 from persfs_cl.io.remarks import decoding
 
-_DEPTHS = ("Z", "depth", "Depth", "Y", "R", "V")
-"""Names of the channel that holds the depth, the most usual first, where there are several."""
+_DEPTHS = ("z", "depth")
+"""Last part of the name of the channel that holds the depth, in small letters, where there are several."""
 
 
 def read_exr(path: Path) -> NDArray[Any]:
@@ -40,7 +40,11 @@ def read_exr(path: Path) -> NDArray[Any]:
     with decoding(path), OpenEXR.File(str(path), separate_channels=True) as file:
         channels = file.channels()
         names = list(channels)
-        name = names[0] if len(names) == 1 else next((name for name in _DEPTHS if name in channels), None)
+        name = (
+            names[0]
+            if len(names) == 1
+            else next((name for name in names if name.rpartition(".")[2].lower() in _DEPTHS), None)
+        )
         if name is None:
             raise InputError(f"{path} has the channels {', '.join(names)}, and none is called Z: save the depth as Z.")
         return np.array(channels[name].pixels)

@@ -48,6 +48,11 @@ class GuideFile:
         unit = as_number("guide_unit", self.unit, above=0.0, what="a unit", hint=", such as 0.001 for millimetres")
         object.__setattr__(self, "unit", unit)
 
+    @property
+    def beside(self) -> tuple[Path, ...]:
+        """Other files that it is read with."""
+        return (self.path.with_name("images.txt"),) if self.path.suffix.lower() == ".txt" else ()
+
     def check(self) -> None:
         """Refuse a file that is missing, empty, or no guide by its name.
 
@@ -61,8 +66,9 @@ class GuideFile:
                 f"{self.path} is no guide by its name: give a map, {', '.join(_MAPS)}, or points, .csv, .json, .ply or "
                 "COLMAP's points3D.txt."
             )
-        with opened(self.path):
-            pass
+        for file in (self.path, *self.beside):
+            with opened(file):
+                pass
 
     def read(self, photo: Path, camera: Camera, shape: tuple[int, int]) -> Array | Points:
         """What it says of a photo.

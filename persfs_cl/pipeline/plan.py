@@ -176,6 +176,8 @@ class Plan:
 def sources(job: Job) -> dict[str, Path]:
     """All files that a photo is solved from, by what they are."""
     named = {**job.files, **vars(job.brightness)}
+    if job.guide is not None:
+        named |= {f"guide, {file.name}": file for file in job.guide.beside}
     return {name: file for name, file in named.items() if isinstance(file, Path)}
 
 

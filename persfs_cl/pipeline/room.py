@@ -17,7 +17,9 @@ _BYTES_PER_DRAWING = 64 * 2**20
 _BYTES_PER_PIXEL = 350
 _OF_DRAWINGS, _OF_MESHES, _OF_TEXTS = 500, 750, 1300
 _OF_ROUNDS = 250
-"""Besides, where the image is corrected and solved again."""
+"""Besides, where the image is corrected and solved again: by the surface found, or by a guide."""
+_OF_ENERGY = 500
+"""Besides, for a scheme that minimises an energy, where the device has no memory of its own."""
 _BY_FILE = {
     **dict.fromkeys(GROUPS["pictures"], _OF_DRAWINGS),
     **dict.fromkeys(("mesh.ply", "mesh.stl", "mesh.glb"), _OF_MESHES),
@@ -25,7 +27,7 @@ _BY_FILE = {
 }
 
 
-def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False) -> int:
+def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False, by_energy: bool = False) -> int:
     """Bytes of memory that a photo takes at most, from reading to writing.
 
     Parameters
@@ -34,12 +36,14 @@ def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False) -> int:
     saving : Saving
         The files to be written. What is made one after the other is not held together, so that the greediest counts.
     in_rounds : bool
-        Whether the light and the material take rounds.
+        Whether the light and the material take rounds, or a guide does.
+    by_energy : bool
+        Whether the scheme minimises an energy.
     """
     drawn = not set(GROUPS["pictures"]).isdisjoint(saving.files)
     per_pixel = max((_BY_FILE.get(file, 0) for file in saving.files), default=0)
     return (_BYTES_PER_DRAWING if drawn else _BYTES_PER_PHOTO) + pixels * (
-        max(_BYTES_PER_PIXEL, per_pixel) + (_OF_ROUNDS if in_rounds else 0)
+        max(_BYTES_PER_PIXEL, per_pixel) + _OF_ROUNDS * in_rounds + _OF_ENERGY * by_energy
     )
 
 

@@ -151,7 +151,9 @@ class Station:
     ) -> None:
         self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
         self._put, self._solutions = put, solutions
-        self._in_rounds = SCHEMES[options["scheme"]].model(options["light"], options["reflectance"]).in_rounds
+        scheme = SCHEMES[options["scheme"]]
+        self._in_rounds = scheme.model(options["light"], options["reflectance"]).in_rounds
+        self._by_energy = scheme.by_energy
         self._room = Room(memory)
         self._inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._ready: deque[_Work] = deque()
@@ -200,7 +202,9 @@ class Station:
 
     def _read(self, work: _Work) -> None:
         job = work.task.job
-        work.room = self._room.take(bytes_for(pixels(job), self._saving, in_rounds=self._in_rounds))
+        in_rounds = self._in_rounds or job.guide is not None
+        wanted = bytes_for(pixels(job), self._saving, in_rounds=in_rounds, by_energy=self._by_energy)
+        work.room = self._room.take(wanted)
         with self._step(work, "read"):
             with suppress(OSError):  # what the system refuses is said by those who read the files: they have the words
                 work.known["stamps"] = stamps(job)

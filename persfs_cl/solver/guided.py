@@ -152,7 +152,7 @@ class _Guided:
         if given.unknown is not None:
             light = light.for_farther(fitted.farther)
             gain = float(getattr(light, given.unknown))
-            log_depth = log_depth + fitted.farther
+            log_depth = np.where(problem.domain.known, log_depth, log_depth + fitted.farther)
             problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
         elif options["guide_scale"] == "fixed" and light.determines_depth:
             warn_of_contradiction(fitted, light)
@@ -177,6 +177,8 @@ class _Guided:
             self.fitted.noise,
         )
         self.middle = self.log_depth + smooth
+        # What no cell reaches is left to the photograph.
+        self.middle[~cells.reached(known)] = np.nan
         near, far = (problem.window.spread(bound, np.nan) for bound in self.fitted.around(self.middle, number))
         given = problem.given_range or DepthRange.none(problem.window.image_shape)
         fixed = problem.window.spread(problem.domain.known, False)

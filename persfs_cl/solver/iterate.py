@@ -164,7 +164,7 @@ class Watch:
 
     def __call__(self, iteration: int, change: float) -> bool:
         """Count on from the iterations of runs before."""
-        self.stopped = bool(self.callback(self.before + iteration, change))
+        self.stopped = bool(self.callback(self.before + iteration, change)) or self.stopped
         return self.stopped
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from persfs_cl.choices import Precision
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.reference import slopes_of
 from persfs_cl.solver.energy.regularised import Sought, regularised
+from persfs_cl.surface.solution import Status
 
 SPREADS = (0.2, 0.12, 0.08, 0.05)
 """Of what ln albedo is off by, round after round: the surface is let go only as far as paint is told from shading."""
@@ -57,6 +59,7 @@ def fit_albedo(
     start: Array | None = None
     paint = np.where(solved, image - np.log(np.maximum(_shaded(sought, log_depth), least)), 0.0)
     found = Minimum(log_depth)
+    rounds: list[Minimum] = []
     for spread in SPREADS:
         shading = np.log(np.maximum(_shaded(sought, log_depth), least))
         bare = np.where(solved, image - shading, 0.0)
@@ -67,15 +70,27 @@ def fit_albedo(
         found = regularised(
             device,
             replace(sought, image=divided),
-            stopping,
+            replace(stopping, callback=_counting_on(stopping, sum(len(each.changes) for each in rounds))),
             paint=spread,
             fitted=True,
             precision=precision,
             start=start,
         )
+        rounds.append(found)
         start = log_depth = found.log_depth + found.level
+        if found.status is Status.STOPPED:
+            break
+    found.changes = [change for each in rounds for change in each.changes]
+    found.build_seconds = sum(each.build_seconds for each in rounds)
+    found.kernel_seconds = sum(each.kernel_seconds for each in rounds)
     # A matt surface returns no more than all light; what is brighter is noise, or a light that is too weak.
     return found, np.where(solved, np.minimum(np.exp(paint + found.white), 1.0), np.nan)
+
+
+def _counting_on(stopping: Stopping, done: int) -> Callable[[int, float], bool | None] | None:
+    """The callback, for iterations that follow others."""
+    callback = stopping.callback
+    return None if callback is None else lambda iteration, change: callback(done + iteration, change)
 
 
 def piecewise_smooth(values: Array, there: Mask, start: Array | None = None) -> Array:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +13,12 @@ from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
 from persfs_cl.guide.agreement import noise_of
 from persfs_cl.guide.cells import Cells
-from persfs_cl.guide.fit import Fitted, GuideFit
+from persfs_cl.guide.fit import Fitted, GuideFit, slope_of
 from persfs_cl.guide.guide import Guide
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.energy.albedo import fit_albedo
-from persfs_cl.solver.energy.minimise import Stopping
+from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.swept import swept
@@ -26,6 +28,9 @@ from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Status
 from persfs_cl.told import concerning
+
+_TRIAL = 40
+"""Iterations after which the surface tells how far the guide scatters about it."""
 
 
 def minimised(device: Device, problem: Problem, options: Options, watch: Watch | None, number: int) -> Attempt:
@@ -56,40 +61,56 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     start: Array | None = None
     if guide is None or light.determines_depth or options["guide_scale"] != "fixed":
         start = swept(device, problem, options, stop_at_once if stopped else None)
-    fitted, gain, prior = None, None, None
-    if guide is not None:
-        if start is not None:
-            with concerning(number):
-                fitted = _fitted(problem, guide, start, options)
-            if options["light"].unknown is not None:
-                light = light.for_farther(fitted.farther)
-                gain = float(getattr(light, str(options["light"].unknown)))
-                problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
-                start = start + fitted.farther
-        cells = guide.cells if fitted is None else fitted.cells
+    fitted, gain, noise, prior = None, None, 0.0, None
+    if guide is not None and start is not None:
+        with concerning(number):
+            fitted = _fitted(problem, guide, start, options)
+        if options["light"].unknown is not None:
+            light = light.for_farther(fitted.farther)
+            gain = float(getattr(light, str(options["light"].unknown)))
+            problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
+            start = start + fitted.farther
+    cells = None if guide is None else guide.cells if fitted is None else fitted.cells
+    if cells is not None:
         noise = _noise(cells, options) if fitted is None else fitted.noise
-        prior = prior_of(cells, noise if fitted is None else float(np.hypot(noise, fitted.distortion)))
+        prior = prior_of(cells, noise if fitted is None else math.hypot(noise, fitted.distortion))
     stopping = Stopping(
         tolerance=options["tolerance"],
         by_distance=options["stopping"] == "distance",
         max_iterations=options["max_iterations"],
         callback=stop_at_once if stopped else watch,
     )
-    sought, precision = Sought.of(problem, prior), options["precision"]
-    if problem.fits_albedo:
-        found, albedo = fit_albedo(device, sought, stopping, precision=precision)
+    keywords: dict[str, Any] = {
+        "paint": "painted" if problem.fits_albedo else options["paint"],
+        "smoothing": options["smoothing"],
+        "precision": options["precision"],
+    }
+    # Of a flash the sweeps know more than any guide.
+    start = start if prior is None or light.determines_depth else None
+    trial: Minimum | None = None
+    if cells is not None and fitted is None and options["guide_tolerance"] is None:
+        # Of the guide alone nobody can tell noise from relief.
+        most = min(_TRIAL, stopping.max_iterations)
+        trial = regularised(device, Sought.of(problem, prior), replace(stopping, max_iterations=most), **keywords)
+        noise = noise_of(cells.values - cells.of_surface(trial.log_depth + trial.level), cells)
+        prior = prior_of(cells, noise)
+        if watch:
+            watch.before = len(trial.changes)
+    sought = Sought.of(problem, prior)
+    if trial is not None and (trial.status is Status.STOPPED or len(trial.changes) >= stopping.max_iterations):
+        found = trial
+    elif problem.fits_albedo:
+        found, albedo = fit_albedo(device, sought, stopping, precision=options["precision"])
         problem = replace(problem, albedo=problem.window.spread(np.nan_to_num(albedo, nan=1.0), 1.0))
     else:
-        found = regularised(
-            device,
-            sought,
-            stopping,
-            # Of a flash the sweeps know more than any guide.
-            start=start if prior is None or light.determines_depth else None,
-            paint=options["paint"],
-            smoothing=options["smoothing"],
-            precision=precision,
-        )
+        left = stopping.max_iterations - (0 if trial is None else len(trial.changes))
+        found = regularised(device, sought, replace(stopping, max_iterations=left), start=start, **keywords)
+    if watch:
+        watch.before = 0
+    if trial is not None and found is not trial:
+        found.changes = [*trial.changes, *found.changes]
+        found.build_seconds += trial.build_seconds
+        found.kernel_seconds += trial.kernel_seconds
     run = Iteration(
         [], [found.changes], [found.status], [found.distance], "energy", found.build_seconds, found.kernel_seconds
     )
@@ -97,7 +118,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     plain = replace(problem, level=found.level, sign=1.0, offset=np.zeros_like(problem.image))
     surface = plain.depth(found.log_depth, converged=True)
     told = None
-    if prior is not None and found.status is not Status.STOPPED:
+    if cells is not None and prior is not None and found.status is not Status.STOPPED:
         told = _told(cells, noise, fitted, gain, problem.window.spread(prior.log_depth - surface[0], np.nan))
     return Attempt(problem, run, surface, None, time.perf_counter() - began, told)
 
@@ -105,10 +126,11 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
 def prior_of(cells: Cells, noise: float) -> Prior:
     """What cells of ln depth say of each pixel: between their middles, the less surely the steeper it is there."""
     middle = cells.interpolated(cells.values)
-    down, across = (
-        np.gradient(middle, axis=axis) if middle.shape[axis] > 1 else np.zeros_like(middle) for axis in (0, 1)
-    )
-    return Prior(middle, np.sqrt(noise**2 + (down**2 + across**2) * cells.spacing**2 / 12.0), cells.spacing)
+    tolerance = np.sqrt(noise**2 + (slope_of(middle) * cells.spacing) ** 2 / 12.0)
+    # What no cell reaches is left to the photograph.
+    nowhere = ~cells.reached(~np.isnan(cells.values))
+    middle[nowhere] = tolerance[nowhere] = np.nan
+    return Prior(middle, tolerance, cells.spacing)
 
 
 def _noise(cells: Cells, options: Options) -> float:

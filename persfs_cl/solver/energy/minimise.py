@@ -205,7 +205,7 @@ def _descend(
     energies, changes = [here.energy], []
     damping, stretch = _FIRST_DAMPING, 1.0
     status = Status.MAX_ITERATIONS
-    while len(found.changes) < stopping.max_iterations:
+    while len(found.changes) < stopping.max_iterations and math.isfinite(here.energy):
         descent.assemble(damping)
         descent.solve(_STEPS, _REDUCTION)
         change = descent.move(stretch)
@@ -244,4 +244,5 @@ def _descend(
             break
     if finest or status is Status.STOPPED:
         found.status, found.energies = status, energies
-        found.distance = distance_to_limit(changes, rounding) if changes else 0.0
+        nothing_lower = 0.0 if status is Status.CONVERGED else math.nan
+        found.distance = distance_to_limit(changes, rounding) if changes else nothing_lower

@@ -116,6 +116,8 @@ def weights_for(
         Whether paint has been divided out, so that a number for it is the spread of what is left.
     """
     bright = view.image[view.solved]
+    # Black tells of no scale.
+    bright = bright[bright > 0.0] if (bright > 0.0).any() else np.ones(1)
     top = quantile(bright, _TOP)
     prior_weight = 0.0 if prior_spacing is None else min(1.0, _PRIOR / prior_spacing**2)
     if paint == "plain":
@@ -177,7 +179,10 @@ def noise_of(image: Array, there: Mask) -> float:
 
 def spread_of(view: View, start: Array, light: Light, reflectance: Reflectance, dark: float) -> float:
     """Spread of ln albedo, if the surface is the one to start with."""
-    p, q = np.gradient(start, axis=1) / view.grid.dx, np.gradient(start, axis=0) / view.grid.dy
+    q, p = (
+        np.gradient(start, axis=axis) / step if start.shape[axis] > 1 else np.zeros_like(start)
+        for axis, step in ((0, view.grid.dy), (1, view.grid.dx))
+    )
     shaded = light.brightness(start, p, q, view.grid.x, view.grid.y, reflectance)
     there = view.solved & np.isfinite(shaded) & (view.image > dark)
     apart = np.log(view.image[there] + dark) - np.log(np.maximum(shaded[there], dark))

@@ -1,0 +1,89 @@
+"""The least energy with a guide: what the public keyword makes a prior of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import persfs_cl as ps
+from persfs_cl.arrays import Array
+from persfs_cl.bench.terrain import normals_of
+from persfs_cl.guide.cells import Cells
+from persfs_cl.shading.model import Light
+
+SIZE, BLOCK = 96, 8
+
+
+def guide_for(scene: ps.Scene, noise: float = 0.02) -> Array:
+    blocks = scene.depth.reshape(SIZE // BLOCK, BLOCK, SIZE // BLOCK, BLOCK).mean(axis=(1, 3))
+    return np.asarray(blocks + np.random.default_rng(1).normal(0.0, noise * np.ptp(blocks), blocks.shape))
+
+
+def errors(depth: Array, scene: ps.Scene) -> tuple[float, float]:
+    """Mean error as a share of the relief, and median angle of normals."""
+    cosines = (normals_of(depth, scene.camera) * normals_of(scene.depth, scene.camera)).sum(axis=-1)
+    angle = float(np.degrees(np.median(np.arccos(np.clip(cosines, -1.0, 1.0)))))
+    return ps.compare(depth, scene.depth).mean / float(np.ptp(scene.depth)), angle
+
+
+def interpolated(guide: Array) -> Array:
+    cells = Cells.of_map(np.log(guide), np.ones((SIZE, SIZE), bool))
+    return np.asarray(np.exp(cells.interpolated(cells.values)))
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(0.5, 0.2), ps.FlashLight()])
+def test_a_guide_is_its_prior(light: Light) -> None:
+    scene = ps.bump((SIZE, SIZE), light=light, bits=8, noise=0.01)
+    guide = guide_for(scene)
+    found = ps.reconstruct(scene.image, scene.camera, light=light, guide=guide, scheme="regularised", max_iterations=80)
+    (depth, angle), (of_guide, angle_of_guide) = errors(found.depth, scene), errors(interpolated(guide), scene)
+    assert depth < 0.7 * of_guide
+    assert angle < 0.5 * angle_of_guide
+    assert found.guide is not None
+    assert (found.guide.cells, found.guide.spacing) == (guide.size, BLOCK)
+    assert found.iterations == found.changes.size <= 80
+    assert not np.isnan(found.guide.departure).any()
+
+
+def test_it_tells_the_gain_too() -> None:
+    scene = ps.bump((SIZE, SIZE), light=ps.FlashLight(gain=2.0))
+    given: dict[str, Any] = {"guide": guide_for(scene, 0.01), "scheme": "regularised", "max_iterations": 40}
+    found = ps.reconstruct(scene.image, scene.camera, light=ps.FlashLight(gain=None), **given)
+    assert found.guide is not None
+    assert found.guide.gain == pytest.approx(2.0, rel=0.03)
+
+
+def test_noise_is_told_from_relief() -> None:
+    """Far away, where the relief is a small share of the depth, and in any unit."""
+    light = ps.ParallelLight(0.5, 0.2)
+    scene = ps.bump((SIZE, SIZE), light=light, bits=8)
+    guide = guide_for(scene, 0.03)
+    noises = []
+    for unit in (1.0, 1e3):
+        found = ps.reconstruct(
+            scene.image, scene.camera, light=light, guide=unit * guide, scheme="regularised", max_iterations=80
+        )
+        assert found.guide is not None
+        noises.append(found.guide.noise)
+    true = 0.03 * float(np.ptp(scene.depth) / np.median(scene.depth))
+    assert 0.5 * true < noises[0] < 1.3 * true
+    assert noises[1] == pytest.approx(noises[0], rel=0.02)
+
+
+def test_a_callback_sees_all_iterations_and_may_end_them() -> None:
+    light = ps.ParallelLight(0.5, 0.2)
+    scene = ps.bump((SIZE, SIZE), light=light)
+    given: dict[str, Any] = {"light": light, "guide": guide_for(scene), "scheme": "regularised", "max_iterations": 60}
+    seen: list[int] = []
+    found = ps.reconstruct(scene.image, scene.camera, callback=lambda number, _: seen.append(number), **given)
+    assert seen == list(range(1, found.iterations + 1))
+    for last in (1, 45):
+
+        def ends(number: int, _: float, last: int = last) -> bool:
+            return number >= last
+
+        ended = ps.reconstruct(scene.image, scene.camera, callback=ends, **given)
+        assert (ended.status, ended.iterations) == (ps.Status.STOPPED, last)
+        assert not np.isnan(ended.depth).any()
