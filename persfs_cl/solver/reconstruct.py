@@ -89,8 +89,8 @@ def reconstruct(
         The surface is found from the photograph alone, and again between bounds that it and the guide set together, in
         three rounds, or five under a light without fall-off: the photograph tells the fine forms, the guide how far
         away each part is. For ``scheme="regularised"`` it is a prior. Farther than two spacings of the guide from what
-        it says of, nothing is bounded. See `Solution.guide` for how far it was believed. Under a light without fall-off the guide tells the level too, and what is known
-        besides is kept.
+        it says of, nothing is bounded. See `Solution.guide` for how far it was believed. Under a light without fall-off
+        the guide tells the level too, and what is known besides is kept.
     guide_kind : {"depth", "inverse"}
         What its numbers are: depths, or inverse depths such as disparities.
     guide_scale : {"fixed", "fit", "affine"}
