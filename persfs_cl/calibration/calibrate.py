@@ -118,8 +118,11 @@ def calibrate(
     (True, True)
     """
     given = _pairs(pairs)
-    # What is not known begins at 1, and is sought like all else.
-    light = light.of_unit_gain if require_light(light).unknown else light
+    unknown = require_light(light).unknown
+    # It begins at 1.
+    light = light.of_unit_gain if unknown else light
+    if callback is not None and not callable(callback):
+        raise InputError.about("callback", callback, "cannot be called: give a function of step and error.")
     require_reflectance(reflectance)
     if not isinstance(preparation, Preparation):
         raise InputError.about("preparation", preparation, "is none: give Preparation(...), or leave it out.")
@@ -130,6 +133,8 @@ def calibrate(
     power = (cosine_power(law) if law else None) or 0.0
     start = Assumed(light, reflectance, preparation.tone_exponent, power, white_level)
     words, reasons = words_of(usual(light) if fit is None else fit, start)
+    if unknown is not None and unknown not in words:
+        raise InputError.about("fit", fit, f"leaves out {unknown}, which is not known: add it, or give its value.")
     if "vignetting" in words and law is None:
         raise InputError.about(
             "fit", "vignetting", "is known by the white plate of the preparation: leave one of them out."

@@ -343,8 +343,8 @@ def words_of(fit: object, start: Assumed) -> tuple[list[str], dict[str, str]]:
     for word in asked:
         if not isinstance(word, str) or (word not in WORDS and word not in NEVER_TOLD):
             near = get_close_matches(str(word), WORDS, n=1)
-            meant = f"is it {near[0]}? " if near else ""
-            raise InputError.about("fit", word, f"is nothing that can be fitted: {meant}Give some of {_listed()}.")
+            meant = f" Is it {near[0]}?" if near else ""
+            raise InputError.about("fit", word, f"is nothing that can be fitted.{meant} Give some of {_listed()}.")
     reasons = {
         word: why
         for word, why in NEVER_TOLD.items()

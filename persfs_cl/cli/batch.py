@@ -212,7 +212,7 @@ def batch(
         )
     saving = chosen_saving(save, mesh_faces)
     share, room = _share(shard), _bytes(memory)
-    require_fitting(keywords, light, reflectance, brightness)
+    require_fitting(keywords, light, reflectance, brightness, guided=guide is not None or guides is not None)
     try:
         frame_slice(frames)
     except InputError as error:

@@ -27,6 +27,7 @@ _APART = (_CONFIG, _DUMP, "output")
 _ALTERNATIVES = (
     frozenset({"focal_length", "fov", "cameras"}),
     frozenset({"mask", "masks"}),
+    frozenset({"guide", "guides"}),
     frozenset({"overwrite", "skip_existing", "retry_failed"}),
 )
 """Options that say one thing in several ways: what is given sets the others aside that stood in an earlier place."""

@@ -140,13 +140,15 @@ def chosen_guide(file: Path | None, unit: float) -> GuideFile | None:
         raise WrongOption(error) from error
 
 
-def require_fitting(keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness) -> None:
+def require_fitting(
+    keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness, *, guided: bool
+) -> None:
     """Refuse what does not go together, before any file is read.
 
     Raises
     ------
     typer.BadParameter
-        When the light leaves nothing to normalise, or does not fit the other keywords.
+        When the light leaves nothing to normalise, wants a guide and there is none, or does not fit the other keywords.
     """
     for option, value in (
         ("'--normalise'", brightness.normalise),
@@ -159,6 +161,11 @@ def require_fitting(keywords: Options, light: Light, reflectance: Reflectance, b
         complete({**keywords, "light": light, "reflectance": reflectance})
     except InputError as error:
         raise WrongOption(error) from error
+    if light.unknown is not None and not guided:
+        raise typer.BadParameter(
+            f"it is unknown, and found from a guide only: give '--guide', or the {light.unknown}.",
+            param_hint=f"'--{light.unknown}'",
+        )
 
 
 def chosen_camera(

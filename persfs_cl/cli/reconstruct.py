@@ -107,7 +107,7 @@ def reconstruct(
     relief can be turned, with preview.jpg, photo.jpg and relief.js.
     """
     saving = chosen_saving(save, mesh_faces)
-    require_fitting(keywords, light, reflectance, brightness)
+    require_fitting(keywords, light, reflectance, brightness, guided=guide is not None)
     nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,

@@ -354,7 +354,12 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "masks of another number": ({"mask": [None, None]}, "mask has 2 entries for 1 photos: give one for all, or one a"),
     "cameras of another number": ({"camera": [CAMERA] * 2}, "camera has 2 entries for 1 photos: give one for all"),
     "no camera": ({"camera": 590.0}, "camera=590.0 is no Camera"),
-    "an unknown word": ({"fit": "gian"}, "fit='gian' is nothing that can be fitted: is it gain. Give some of gain, wh"),
+    "an unknown gain that is not sought": (
+        {"light": ps.FlashLight(gain=None), "fit": "lamp"},
+        "fit='lamp' leaves out gain, which is not known",
+    ),
+    "no callback": ({"callback": 3}, "callback=3 cannot be called"),
+    "an unknown word": ({"fit": "gian"}, "fit='gian' is nothing that can be fitted. Is it gain. Give some of gain, wh"),
     "no word": ({"fit": ()}, r"fit=\(\) asks for nothing: give some of gain"),
     "no words": ({"fit": 3}, "fit=3 is no list of words"),
     "direction of a flash": ({"fit": "direction"}, r"fit='direction' is that of a parallel light: give ParallelLight"),

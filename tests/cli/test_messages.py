@@ -176,7 +176,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "no guide": (("--light=flash", "--guide=none.csv"), 1, ("none.csv", "does not exist")),
     "guide of no kind": (("--light=flash", "--guide=photo.jpeg"), 1, ("photo.jpeg", "no guide by its name")),
     "unit of 0": (("--guide=one.npy", "--guide-unit=0"), 2, ("--guide-unit", "above 0")),
-    "gain of nothing": (("--light=flash", "--gain=unknown"), 1, ("photo.png", "unknown gain", "--guide")),
+    "gain of nothing": (("--light=flash", "--gain=unknown"), 2, ("--gain", "unknown", "--guide")),
     "gain of a word": (("--light=flash", "--gain=bright"), 2, ("--gain", "'bright'", "'unknown'")),
     "two unknowns": (("--light=flash", "--gain=unknown", "--guide-scale=fit"), 2, ("--guide-scale", "only one")),
     "nothing to hang from": (("--near=2",), 1, ("photo.png", "No depth is known", "--far")),

@@ -29,6 +29,8 @@ from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Status
 from persfs_cl.told import concerning
 
+_LEAST_OF_RELIEF, _LEAST = 1e-3, 1e-7
+"""Tolerance at least, as a share of the relief of the guide, and in ln depth."""
 _TRIAL = 40
 """Iterations after which the surface tells how far the guide scatters about it."""
 
@@ -126,6 +128,8 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
 def prior_of(cells: Cells, noise: float) -> Prior:
     """What cells of ln depth say of each pixel: between their middles, the less surely the steeper it is there."""
     middle = cells.interpolated(cells.values)
+    # Beyond it the energy is of the guide alone, whose bends no shading softens.
+    noise = max(noise, _LEAST_OF_RELIEF * float(np.ptp(cells.values[~np.isnan(cells.values)])), _LEAST)
     tolerance = np.sqrt(noise**2 + (slope_of(middle) * cells.spacing) ** 2 / 12.0)
     # What no cell reaches is left to the photograph.
     nowhere = ~cells.reached(~np.isnan(cells.values))
