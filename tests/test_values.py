@@ -37,6 +37,8 @@ def values() -> dict[str, Any]:
         "NormalisedPhoto": prepared.normalised(),
         "MeshView": MeshView(scene.depth, *jumps),
         "PixelGrid": scene.camera.grid(SHAPE),
+        "Points": ps.Points([3.0, 9.0], [4.0, 8.0], [1.0, 1.1]),
+        "GuideFit": ps.reconstruct(scene.image, scene.camera, light=scene.light, guide=scene.depth[::4, ::5]).guide,
     }
 
 
@@ -51,6 +53,8 @@ SAID = {
     "NormalisedPhoto": ("72 x 72", "linear", "black=0", "white=0."),
     "MeshView": ("600 of 30 x 20", "0 jumps"),
     "PixelGrid": ("30 x 20", "dx=0.0333"),
+    "Points": ("2 of them",),
+    "GuideFit": ("of 30 values used", "% of the depth"),
 }
 
 

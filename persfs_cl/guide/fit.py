@@ -80,6 +80,10 @@ class GuideFit:
     gain: float | None
     departure: Array
 
+    def __repr__(self) -> str:
+        gain = "" if self.gain is None else f", gain {self.gain:.4g}"
+        return f"<GuideFit {self.used} of {self.cells} values used, noise {100 * self.noise:.2g} % of the depth{gain}>"
+
     def report(self) -> dict[str, float | int | bool | None]:
         """What a report says of it: all but the departure.
 
