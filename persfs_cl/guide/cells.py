@@ -143,26 +143,27 @@ class Cells:
                 [np.bincount(numbers, along, minlength=self.count) / self.pixels for along in places], axis=1
             )
 
-    def nearest(self, values: Array, within: float | None = None) -> Array:
-        """At each pixel the value of the nearest cell that has one, of which there is one at least.
-
-        Farther away than so many pixels it is 0.
-        """
+    def nearest(self, values: Array) -> tuple[Array, Array]:
+        """At each pixel the value of the nearest cell that has one, and how far away that is; there is one at least."""
         from scipy.ndimage import distance_transform_edt  # slow to import
 
         placed = self.on_pixels(values, np.nan)
         distances, nearest = distance_transform_edt(np.isnan(placed), return_indices=True)
-        found = placed[tuple(nearest)]
-        return np.asarray(found if within is None else np.where(distances <= within, found, 0.0))
+        return np.asarray(placed[tuple(nearest)]), np.asarray(distances)
+
+    @property
+    def reach(self) -> float:
+        """Pixels from a cell within which it says something: of what is farther away nothing is known."""
+        return _REACH * max(1.0, self.spacing)
 
     def reached(self, chosen: Mask) -> Mask:
-        """Pixels that lie no farther from some cells than these are apart: of others nothing is known."""
+        """Pixels within reach of some cells."""
         from scipy.ndimage import distance_transform_edt  # slow to import
 
         speaks = np.append(chosen, False)[self.of_pixel] & (self.of_pixel >= 0)
         if not speaks.any():
             return speaks
-        return np.asarray(distance_transform_edt(~speaks) <= _REACH * max(1.0, self.spacing))
+        return np.asarray(distance_transform_edt(~speaks) <= self.reach)
 
     def interpolated(self, values: Array) -> Array:
         """A map through the values of the cells: linear between their middles, the nearest outside; not NaN."""
@@ -170,7 +171,7 @@ class Cells:
         from scipy.spatial import QhullError
 
         known = ~np.isnan(values) & ~np.isnan(self.middles).any(axis=1)
-        found = self.nearest(np.where(known, values, np.nan))
+        found, _ = self.nearest(np.where(known, values, np.nan))
         if self.spacing < _FINE:
             return found
         try:

@@ -189,6 +189,34 @@ class Fitted:
         fitted = cells.saying(cells.values - shift)
         return cls(fitted, farther, most, noise, distortion, drifts, factor, offset, step, held)
 
+    @classmethod
+    def as_given(cls, guide: Guide, focal_length: float, tolerance: float | None) -> Fitted:
+        """A guide in the unit of depth, where there is no surface yet."""
+        noise = noise_of(guide.cells.values, guide.cells) if tolerance is None else tolerance
+        step = guide.cells.spacing / focal_length
+        return cls(guide.cells, 0.0, 0.0, noise, 0.0, drifts=False, factor=1.0, offset=0.0, step=step, held=False)
+
+    @property
+    def count(self) -> int:
+        """Cells on the surface."""
+        return int(np.count_nonzero(self.cells.pixels))
+
+    def outcome(self, used: int, tolerance: float, gain: float | None, departure: Array) -> GuideFit:
+        """What became of it; the parameters are those of :class:`GuideFit`."""
+        return GuideFit(
+            cells=self.count,
+            used=used,
+            spacing=self.cells.spacing,
+            noise=self.noise,
+            distortion=self.distortion,
+            drifts=self.drifts,
+            tolerance=tolerance,
+            factor=self.factor,
+            offset=self.offset,
+            gain=gain,
+            departure=departure,
+        )
+
     def residuals(self, log_depth: Array) -> Array:
         """Of the cells that agree with their neighbours; NaN for the others."""
         found = self.cells.values - self.cells.of_surface(log_depth)

@@ -189,23 +189,10 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
            [1480., 1470.]])
     """
     path = as_path(path)
-    own = 1
     _require_depth_name(path)
-    if path.suffix.lower() == ".npy":
-        stored = read_npy(path)
-    else:
-        raster = read_raster(path)
-        stored, own = raster.samples, raster.orientation
-        stored = stored[..., 0] if stored.shape[2] == 1 else stored
-    _require_stored("depth", path, stored.dtype)
-    if stored.ndim != 2 or stored.size == 0:
-        raise InputError(f"{path} has shape {stored.shape}: a depth map is (height, width).")
+    depth, own = _numbers(path)
     if shape is not None:
-        _require_shape(path, stored.shape, shape, orientation, own=own)
-    # A copy in any case; what float64 cannot hold is refused as infinite.
-    depth = to_float64(stored).copy()
-    if stored.dtype.kind != "f":
-        depth[stored == 0] = np.nan
+        _require_shape(path, depth.shape, shape, orientation, own=own)
     bad = np.isinf(depth) | (depth <= 0)
     if bad.any():
         raise InputError(
@@ -234,22 +221,32 @@ def read_numbers(path: FilePath) -> Array:
         When the file cannot be read, is no single map of numbers, or has another suffix.
     """
     path = as_path(path)
-    suffix = path.suffix.lower()
-    if suffix == ".npy":
-        stored: NDArray[Any] = read_npy(path)
-    elif suffix == ".exr":
-        stored = read_exr(path)
-    elif suffix in (".png", *_TIFF_SUFFIXES):
-        samples = read_raster(path).samples
-        stored = samples[..., 0] if samples.shape[2] == 1 else samples
-    else:
+    if path.suffix.lower() not in (".npy", ".png", ".exr", *_TIFF_SUFFIXES):
         raise InputError(f"{path} is no map of numbers by its name: give a .npy, .tiff, .png or .exr file.")
+    numbers, _ = _numbers(path)
+    numbers[np.isinf(numbers)] = np.nan
+    return numbers
+
+
+def _numbers(path: Path) -> tuple[Array, int]:
+    """One number a pixel in an array of its own, NaN where integers are 0; and the orientation of an image's EXIF."""
+    own = 1
+    if path.suffix.lower() == ".npy":
+        stored: NDArray[Any] = read_npy(path)
+    elif path.suffix.lower() == ".exr":
+        stored = read_exr(path)
+    else:
+        raster = read_raster(path)
+        stored, own = raster.samples, raster.orientation
+        stored = stored[..., 0] if stored.shape[2] == 1 else stored
     _require_stored("depth", path, stored.dtype)
     if stored.ndim != 2 or stored.size == 0:
-        raise InputError(f"{path} has shape {stored.shape}: give one number a pixel, (height, width).")
+        raise InputError(f"{path} has shape {stored.shape}: a depth map is (height, width).")
+    # A copy in any case; what float64 cannot hold becomes infinite.
     numbers = to_float64(stored).copy()
-    numbers[stored == 0 if stored.dtype.kind != "f" else np.isinf(numbers)] = np.nan
-    return numbers
+    if stored.dtype.kind != "f":
+        numbers[stored == 0] = np.nan
+    return numbers, own
 
 
 def check_map(kind: MapKind, path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -> None:

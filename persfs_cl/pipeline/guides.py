@@ -18,9 +18,9 @@ from persfs_cl.io.files import opened
 from persfs_cl.io.maps import read_numbers
 from persfs_cl.io.points import read_points
 
-SUFFIXES = (".npy", ".tiff", ".tif", ".exr", ".png", ".csv", ".json", ".ply", ".txt")
-"""Of files that are guides, in the order in which they are looked for."""
 _MAPS = (".npy", ".tiff", ".tif", ".exr", ".png")
+SUFFIXES = (*_MAPS, ".csv", ".json", ".ply", ".txt")
+"""Of files that are guides, in the order in which they are looked for."""
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,10 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.smoothing import Smoother
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.checks import warn
 from persfs_cl.guide.fit import Fitted, GuideFit
 from persfs_cl.guide.guide import Guide
 from persfs_cl.guide.smoothing import edge_weights
-from persfs_cl.shading.model import Light
+from persfs_cl.solver.agreed import Agreed
 from persfs_cl.solver.attempt import Attempt, swept
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
@@ -30,10 +29,13 @@ from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Status
 from persfs_cl.told import concerning
-from persfs_cl.wording import keyword
 
 _SMOOTHNESS = 6.0
 """Weight of the total variation of the residual, over the pixels from cell to cell."""
+_MANY = 25
+"""Cells. Fewer tell nothing of what lies between them."""
+_SPACING = 12.0
+"""Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
 _MANY = 25
 """Cells. Fewer tell nothing of what lies between them."""
 _SPACING = 12.0
@@ -136,32 +138,14 @@ class _Guided:
     @classmethod
     def of(cls, device: Device, alone: Attempt, guide: Guide, options: Options) -> _Guided:
         """From the surface of the photograph alone."""
-        problem = alone.problem
-        log_depth, _ = _surface_of(alone)
-        light, given = problem.model.light, options["light"]
-        fitted = Fitted.to_surface(
-            guide,
-            log_depth,
-            0.5 * (problem.camera.fx + problem.camera.fy),
-            scale=options["guide_scale"],
-            gain_unknown=given.unknown is not None,
-            held=light.determines_depth,
-            tolerance=options["guide_tolerance"],
-        )
-        gain = None
-        if given.unknown is not None:
-            light = light.for_farther(fitted.farther)
-            gain = float(getattr(light, given.unknown))
-            log_depth = np.where(problem.domain.known, log_depth, log_depth + fitted.farther)
-            problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
-        elif options["guide_scale"] == "fixed" and light.determines_depth:
-            warn_of_contradiction(fitted, light)
+        agreed = Agreed.on(alone.problem, guide, _surface_of(alone)[0], options)
+        problem, fitted, log_depth = agreed.problem, agreed.fitted, agreed.log_depth
         right, below = (
             _SMOOTHNESS / fitted.cells.spacing * each for each in edge_weights(problem.image, _joined(problem))
         )
         levels = max(0, math.floor(math.log2(fitted.cells.spacing / _SPACING)))
         smoother = Smoother(device, options["precision"], right, below, levels)
-        return cls(problem, fitted, gain, log_depth, log_depth, 0, 0.0, smoother)
+        return cls(problem, fitted, agreed.gain, log_depth, log_depth, 0, 0.0, smoother)
 
     def bounded(self, number: int) -> Problem:
         """The problem of a round, from 0: between the bounds that surface and guide set together."""
@@ -169,16 +153,19 @@ class _Guided:
         residuals = self.fitted.residuals(self.log_depth)
         known = ~np.isnan(residuals)
         self.used, self.tolerance = int(np.count_nonzero(known)), self.fitted.tolerance(number)
+        start, distance = cells.nearest(residuals)
+        if cells.count < _MANY:
+            start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
         votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
         smooth = self.smoother.smoothed(
-            cells.nearest(residuals, within=cells.spacing * cells.count / _MANY if cells.count < _MANY else None),
+            start,
             cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
             np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
             self.fitted.noise,
         )
         self.middle = self.log_depth + smooth
         # What no cell reaches is left to the photograph.
-        self.middle[~cells.reached(known)] = np.nan
+        self.middle[distance > cells.reach] = np.nan
         near, far = (problem.window.spread(bound, np.nan) for bound in self.fitted.around(self.middle, number))
         given = problem.given_range or DepthRange.none(problem.window.image_shape)
         fixed = problem.window.spread(problem.domain.known, False)
@@ -187,20 +174,8 @@ class _Guided:
     def fit_to(self, latest: Attempt) -> GuideFit:
         """What became of the guide, once the surface was solved again."""
         self.log_depth, _ = _surface_of(latest)
-        fitted = self.fitted
-        return GuideFit(
-            cells=int(np.count_nonzero(fitted.cells.pixels)),
-            used=self.used,
-            spacing=fitted.cells.spacing,
-            noise=fitted.noise,
-            distortion=fitted.distortion,
-            drifts=fitted.drifts,
-            tolerance=self.tolerance,
-            factor=fitted.factor,
-            offset=fitted.offset,
-            gain=self.gain,
-            departure=self.problem.window.spread(self.middle - self.log_depth, np.nan),
-        )
+        departure = self.problem.window.spread(self.middle - self.log_depth, np.nan)
+        return self.fitted.outcome(self.used, self.tolerance, self.gain, departure)
 
 
 def _joined(problem: Problem) -> Mask:
@@ -211,14 +186,3 @@ def _joined(problem: Problem) -> Mask:
 def _surface_of(attempt: Attempt) -> LogDepthAndDepth:
     assert attempt.surface is not None  # noqa: S101 - for the type checker
     return attempt.surface
-
-
-def warn_of_contradiction(fitted: Fitted, light: Light) -> None:
-    """Say it where a guide that is in the unit of depth has most of it elsewhere than the light."""
-    noises, share = _CONTRADICTION
-    if abs(fitted.disagreement) > max(noises * fitted.noise, share):
-        warn(
-            f"{keyword('guide')} has most depths {math.exp(fitted.disagreement):.3g} times as large as "
-            f"{keyword('light', light)} gives them, and is believed. If it is of another scale, give "
-            f"{keyword('guide_scale', 'fit')}; if the gain is not known, a light with gain=None."
-        )

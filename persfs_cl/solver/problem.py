@@ -136,11 +136,15 @@ class Problem(Given):
             limits=self.limits,
         )
 
+    @property
+    def given(self) -> Given:
+        """What it was made of."""
+        return Given(**{field.name: getattr(self, field.name) for field in fields(Given)})
+
     def between(self, within: DepthRange, light: Light | None = None) -> Problem:
         """The same with other bounds of the depth, and perhaps in another light of the same kind."""
-        given = Given(**{field.name: getattr(self, field.name) for field in fields(Given)})
         model = self.model if light is None else self.scheme.model(light, self.model.reflectance)
-        return Problem.of(replace(given, depth_range=within, model=model))
+        return Problem.of(replace(self.given, depth_range=within, model=model))
 
     def corrected(self, image: Array) -> Problem:
         """The same where the image tells the depth, with another brightness to be solved for; `image` stays."""

@@ -86,7 +86,7 @@ def test_nearest_and_interpolated_maps() -> None:
     cells = Cells.of_map(coarse, EVERYWHERE)
     values = cells.values.copy()
     values[7] = np.nan
-    nearest = cells.nearest(values)
+    nearest, _ = cells.nearest(values)
     assert nearest[4, 4] in coarse
     assert nearest[4, 4] != coarse[1, 1]
     np.testing.assert_array_equal(nearest[6:], np.kron(coarse, np.ones((3, 3)))[6:])

@@ -12,17 +12,14 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
 from persfs_cl.guide.agreement import noise_of
-from persfs_cl.guide.cells import Cells
-from persfs_cl.guide.fit import Fitted, GuideFit, slope_of
-from persfs_cl.guide.guide import Guide
+from persfs_cl.guide.fit import Fitted, slope_of
+from persfs_cl.solver.agreed import Agreed, mean_focal_length
 from persfs_cl.solver.attempt import Attempt
-from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.energy.albedo import fit_albedo
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.swept import swept
-from persfs_cl.solver.guided import warn_of_contradiction
 from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
@@ -63,19 +60,14 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     start: Array | None = None
     if guide is None or light.determines_depth or options["guide_scale"] != "fixed":
         start = swept(device, problem, options, stop_at_once if stopped else None)
-    fitted, gain, noise, prior = None, None, 0.0, None
+    fitted, gain = None, None
     if guide is not None and start is not None:
         with concerning(number):
-            fitted = _fitted(problem, guide, start, options)
-        if options["light"].unknown is not None:
-            light = light.for_farther(fitted.farther)
-            gain = float(getattr(light, str(options["light"].unknown)))
-            problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
-            start = start + fitted.farther
-    cells = None if guide is None else guide.cells if fitted is None else fitted.cells
-    if cells is not None:
-        noise = _noise(cells, options) if fitted is None else fitted.noise
-        prior = prior_of(cells, noise if fitted is None else math.hypot(noise, fitted.distortion))
+            agreed = Agreed.on(problem, guide, start, options)
+        problem, fitted, gain, start = agreed.problem, agreed.fitted, agreed.gain, agreed.log_depth
+    elif guide is not None:
+        fitted = Fitted.as_given(guide, mean_focal_length(problem.camera), options["guide_tolerance"])
+    prior = None if fitted is None else prior_of(fitted)
     stopping = Stopping(
         tolerance=options["tolerance"],
         by_distance=options["stopping"] == "distance",
@@ -88,14 +80,16 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         "precision": options["precision"],
     }
     # Of a flash the sweeps know more than any guide.
-    start = start if prior is None or light.determines_depth else None
+    begin = start if prior is None or light.determines_depth else None
     trial: Minimum | None = None
-    if cells is not None and fitted is None and options["guide_tolerance"] is None:
+    if fitted is not None and start is None and options["guide_tolerance"] is None:
         # Of the guide alone nobody can tell noise from relief.
         most = min(_TRIAL, stopping.max_iterations)
         trial = regularised(device, Sought.of(problem, prior), replace(stopping, max_iterations=most), **keywords)
+        cells = fitted.cells
         noise = noise_of(cells.values - cells.of_surface(trial.log_depth + trial.level), cells)
-        prior = prior_of(cells, noise)
+        fitted = replace(fitted, noise=noise)
+        prior = prior_of(fitted)
         if watch:
             watch.before = len(trial.changes)
     sought = Sought.of(problem, prior)
@@ -106,7 +100,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         problem = replace(problem, albedo=problem.window.spread(np.nan_to_num(albedo, nan=1.0), 1.0))
     else:
         left = stopping.max_iterations - (0 if trial is None else len(trial.changes))
-        found = regularised(device, sought, replace(stopping, max_iterations=left), start=start, **keywords)
+        found = regularised(device, sought, replace(stopping, max_iterations=left), start=begin, **keywords)
     if watch:
         watch.before = 0
     if trial is not None and found is not trial:
@@ -120,58 +114,21 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     plain = replace(problem, level=found.level, sign=1.0, offset=np.zeros_like(problem.image))
     surface = plain.depth(found.log_depth, converged=True)
     told = None
-    if cells is not None and prior is not None and found.status is not Status.STOPPED:
-        told = _told(cells, noise, fitted, gain, problem.window.spread(prior.log_depth - surface[0], np.nan))
+    if fitted is not None and prior is not None and found.status is not Status.STOPPED:
+        departure = problem.window.spread(prior.log_depth - surface[0], np.nan)
+        told = fitted.outcome(fitted.count, fitted.noise, gain, departure)
     return Attempt(problem, run, surface, None, time.perf_counter() - began, told)
 
 
-def prior_of(cells: Cells, noise: float) -> Prior:
+def prior_of(fitted: Fitted) -> Prior:
     """What cells of ln depth say of each pixel: between their middles, the less surely the steeper it is there."""
+    cells = fitted.cells
     middle = cells.interpolated(cells.values)
+    relief = float(np.ptp(cells.values[~np.isnan(cells.values)]))
     # Beyond it the energy is of the guide alone, whose bends no shading softens.
-    noise = max(noise, _LEAST_OF_RELIEF * float(np.ptp(cells.values[~np.isnan(cells.values)])), _LEAST)
+    noise = max(math.hypot(fitted.noise, fitted.distortion), _LEAST_OF_RELIEF * relief, _LEAST)
     tolerance = np.sqrt(noise**2 + (slope_of(middle) * cells.spacing) ** 2 / 12.0)
     # What no cell reaches is left to the photograph.
     nowhere = ~cells.reached(~np.isnan(cells.values))
     middle[nowhere] = tolerance[nowhere] = np.nan
     return Prior(middle, tolerance, cells.spacing)
-
-
-def _noise(cells: Cells, options: Options) -> float:
-    given = options["guide_tolerance"]
-    return noise_of(cells.values, cells) if given is None else given
-
-
-def _fitted(problem: Problem, guide: Guide, log_depth: Array, options: Options) -> Fitted:
-    light, unknown = problem.model.light, options["light"].unknown is not None
-    fitted = Fitted.to_surface(
-        guide,
-        log_depth,
-        0.5 * (problem.camera.fx + problem.camera.fy),
-        scale=options["guide_scale"],
-        gain_unknown=unknown,
-        held=light.determines_depth,
-        tolerance=options["guide_tolerance"],
-    )
-    # Paint makes a surface look farther than it is.
-    plain = options["paint"] == "plain" and not problem.fits_albedo
-    if plain and not unknown and options["guide_scale"] == "fixed":
-        warn_of_contradiction(fitted, light)
-    return fitted
-
-
-def _told(cells: Cells, noise: float, fitted: Fitted | None, gain: float | None, departure: Array) -> GuideFit:
-    count = int(np.count_nonzero(cells.pixels))
-    return GuideFit(
-        cells=count,
-        used=count,
-        spacing=cells.spacing,
-        noise=noise,
-        distortion=0.0 if fitted is None else fitted.distortion,
-        drifts=False if fitted is None else fitted.drifts,
-        tolerance=noise,
-        factor=1.0 if fitted is None else fitted.factor,
-        offset=0.0 if fitted is None else fitted.offset,
-        gain=gain,
-        departure=departure,
-    )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
-from persfs_cl.solver.given import Given
 from persfs_cl.solver.iterate import Iteration
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
@@ -26,15 +27,15 @@ def swept(device: Device, problem: Problem, options: Options, callback: Callback
     model = scheme.model(light, reflectance)
     offset = model.offset(problem.grid)
     known = problem.domain.known
-    own = {
-        **{name: getattr(problem, name) for name in Given.__dataclass_fields__},
-        "scheme": scheme,
-        "model": model,
-        "offset": offset,
-        "known_values": problem.sign * (np.log(problem.known_depth[known]) + offset[known]),
-        "max_slope": scheme.max_slope(light),
-    }
-    swept_problem = Problem.of(Given(**own))
+    given = replace(
+        problem.given,
+        scheme=scheme,
+        model=model,
+        offset=offset,
+        known_values=problem.sign * (np.log(problem.known_depth[known]) + offset[known]),
+        max_slope=scheme.max_slope(light),
+    )
+    swept_problem = Problem.of(given)
     settings = Options(**{**options, "tolerance": max(_TOLERANCE, options["tolerance"]), "boundary": "wall"})
     run = Iteration.of(device, [swept_problem], settings, callback)
     return run.surfaces([swept_problem])[0][0]
