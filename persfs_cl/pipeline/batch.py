@@ -31,6 +31,7 @@ from persfs_cl.pipeline.store import FolderStore, Journal, Results, Store, store
 from persfs_cl.pipeline.workforce import Workforce, workforce
 from persfs_cl.solver.options import Options, complete, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
+from persfs_cl.surface.solid import Block
 from persfs_cl.surface.solution import Solution
 
 Again = Literal["changed", "all", "none", "failed"]
@@ -274,6 +275,8 @@ def batch(
     frames: str | None = None,
     save: str | Iterable[str] = DEFAULT_ITEMS,
     mesh_faces: int | None = DEFAULT_MESH_FACES,
+    width: float = Block.width,
+    base: float = Block.base,
     again: Again = "changed",
     shard: Shard | None = None,
     max_memory: int | None = None,
@@ -314,7 +317,7 @@ def batch(
         What the numbers of guides are multiplied by.
     frames : str, optional
         Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
-    save, mesh_faces
+    save, mesh_faces, width, base
         What is written, as for :meth:`persfs_cl.surface.saving.Saving.of`.
     again : {"changed", "all", "none", "failed"}
         Which photographs are done again: those that failed or whose files or parameters have changed; all; none that
@@ -398,7 +401,7 @@ def batch(
         light=settings["light"],
         reflectance=settings["reflectance"],
         keywords=options,
-        saving=Saving.of(save, mesh_faces),
+        saving=Saving.of(save, mesh_faces, width=width, base=base),
     )
     plan.require_files()
     store = None if output is None else store_for(output)
