@@ -72,6 +72,7 @@ def test_what_was_saved_is_loaded(
     random = np.random.default_rng(seed)
     shape = tuple(random.integers(1, 12, 2))
     depth = np.where(random.random(shape) < random.random(), random.uniform(0.5, 2.0, shape), np.nan)
+    depth.flat[random.integers(depth.size)] = 1.0
     masks = {name: random.random(shape) < 0.3 for name in ("unreached", "clamped", "at_bound")}
     cuts = Discontinuities(random.random((shape[0], shape[1] - 1)) < 0.3, random.random((shape[0] - 1, shape[1])) < 0.3)
     one = dataclasses.replace(
