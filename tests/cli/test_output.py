@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -112,3 +113,21 @@ def test_a_wrong_choice_is_refused_before_the_photo_is_read(
     assert (outcome.status, outcome.stdout) == (2, "")
     assert message in outcome.stderr
     assert "missing.png" not in outcome.stderr
+
+
+def test_a_solid_to_print_can_be_asked_for(photo: Path, tmp_path: Path) -> None:
+    arguments = ("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--save", "report")
+    outcome = run(*arguments, "--solid", "--width", "42", "--base", "1.5")
+    assert outcome.status == 0
+    assert names(tmp_path / "out") == {"report.json", "solid.stl"}
+    solid = trimesh.load_mesh(tmp_path / "out" / "solid.stl")
+    assert solid.is_watertight
+    assert max(solid.extents[:2]) == pytest.approx(42.0, rel=1e-6)
+    for options, message in (
+        (("--width", "42"), "'--width' / '--base': a size is for what is printed: add --solid"),
+        (("--solid", "--width", "-1"), "--width -1.* is not a length in millimetres"),
+        (("--save", "solid.xyz"), "has the item 'solid.xyz', which is none: .*solid.stl, solid.3mf"),
+    ):
+        outcome = run(*arguments[:4], *FOCAL, "--overwrite", *options)
+        assert outcome.status == 2
+        assert re.search(message, outcome.stderr), outcome.stderr
