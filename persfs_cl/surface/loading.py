@@ -78,14 +78,14 @@ def load(directory: FilePath, *, device: int | str | Device | None = None) -> So
         )
     arrays = _Arrays(folder / ARRAYS, read_npz(folder / ARRAYS), (depth.shape[0], depth.shape[1]))
     report = _Report.read(folder / REPORT)
-    if int(arrays.number("fingerprint")) != fingerprint(depth):
+    if arrays.number("fingerprint") != fingerprint(depth):
         raise _of_another(folder / ARRAYS, folder / _DEPTH)
     elapsed = report.elapsed
     if elapsed.total != arrays.number("seconds"):
         raise _of_another(folder / REPORT, folder / ARRAYS)
     return Solution(
         depth=depth,
-        log_depth=np.log(depth_array(depth)),
+        log_depth=np.log(_checked(folder / _DEPTH, depth)),
         solved=np.isfinite(depth),
         **{name: arrays.mask(name) for name in MASKS},
         image=arrays.map("image"),
@@ -115,6 +115,13 @@ def _require_files(folder: Path) -> None:
                 f"{folder / file} does not exist: a solution is loaded from {_DEPTH}, {ARRAYS} and {REPORT}. Save it "
                 "again with save='solution', on the command line --save solution."
             )
+
+
+def _checked(path: Path, depth: Array) -> Array:
+    try:
+        return depth_array(depth)
+    except InputError as error:
+        raise error.at(str(path)) from error
 
 
 def _of_another(file: Path, other: Path) -> InputError:
@@ -190,7 +197,7 @@ class _Report:
     def read(cls, path: Path) -> _Report:
         try:
             says = json.loads(read_bytes(path))
-        except ValueError as error:  # no JSON, or no UTF-8
+        except (ValueError, RecursionError) as error:  # no JSON, or no UTF-8
             raise InputError(f"{path} is no JSON ({error}): save the solution again.") from error
         if not isinstance(says, dict):
             raise InputError(f"{path} is no report of a solution: save the solution again.")
@@ -198,7 +205,7 @@ class _Report:
 
     def _get(self, name: str, kind: type | tuple[type, ...], within: Mapping[str, Any] | None = None) -> Any:
         found = (self.says if within is None else within).get(name)
-        if not isinstance(found, kind) or isinstance(found, bool):
+        if not isinstance(found, kind):
             raise InputError(f"{self.path} has no {name} as reports have it: save the solution again.")
         return found
 
@@ -210,6 +217,7 @@ class _Report:
     @property
     def options(self) -> dict[str, Any]:
         """The parameters of a solution."""
+        self._get("tolerance", (int, float), self._parameters)
         return {name: value for name, value in self._parameters.items() if name not in _STATED_ELSEWHERE}
 
     def count(self, name: str) -> int:
@@ -257,6 +265,9 @@ class _Report:
         names = [field.name for field in fields(GuideFit) if field.name != "departure"]
         if missing := [name for name in names if name not in found]:
             raise InputError(f"{self.path} says nothing of the guide's {missing[0]}: save the solution again.")
+        for name in names:
+            if found[name] is not None:
+                self._get(name, (bool, int, float), found)
         # JSON has no NaN; of all numbers, the gain alone may be missing.
         numbers: dict[str, Any] = {
             name: math.nan if found[name] is None and name != "gain" else found[name] for name in names

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from persfs_cl.checks import warn
 from persfs_cl.errors import InputError
 from persfs_cl.surface.formats import FORMATS
-from persfs_cl.surface.formats.format import Format, Source
+from persfs_cl.surface.formats.format import Format, Kind, Source
 from persfs_cl.surface.jobs import Jobs
 from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.saving import Saving
@@ -72,7 +72,7 @@ def write_files(
         if one.write is not None and one.applies(source)
     }
 
-    def of_kind(*kinds: str) -> dict[str, Callable[[], None]]:
+    def of_kind(*kinds: Kind) -> dict[str, Callable[[], None]]:
         return {one.file: make for one, make in makers.items() if one.kind in kinds}
 
     meshes, data = of_kind("mesh", "solid"), of_kind("data")

@@ -73,7 +73,7 @@ def test_what_was_saved_is_loaded(
     shape = tuple(random.integers(1, 12, 2))
     depth = np.where(random.random(shape) < random.random(), random.uniform(0.5, 2.0, shape), np.nan)
     depth.flat[random.integers(depth.size)] = 1.0
-    masks = {name: random.random(shape) < 0.3 for name in ("unreached", "clamped", "at_bound")}
+    masks: dict[str, Any] = {name: random.random(shape) < 0.3 for name in ("unreached", "clamped", "at_bound")}
     cuts = Discontinuities(random.random((shape[0], shape[1] - 1)) < 0.3, random.random((shape[0] - 1, shape[1])) < 0.3)
     one = dataclasses.replace(
         solved,
@@ -90,7 +90,7 @@ def test_what_was_saved_is_loaded(
         discontinuities=cuts if walls else None,
         changes=np.array([np.inf, 1.0 / 3.0, np.nan]),
         distance=float(random.choice([np.nan, 1e-7])),
-        status=random.choice(list(ps.Status)),
+        status=list(ps.Status)[seed % 3],
     )
     one.save(tmp_path, save="solution")
     alike(one, ps.load(tmp_path))
@@ -184,7 +184,9 @@ def test_files_of_different_surfaces_are_not_mixed(file: str, solved: ps.Solutio
         ({"parameters": {"camera": {"focal_length": -1.0}}}, "impossible camera"),
         ({"parameters": {"camera": {"focal_length": 10.0}, "light": {"kind": "Sun"}}}, "light='Sun' is none"),
         ({"parameters": {"camera": {"focal_length": 10.0}, "light": {"kind": "FlashLight"}}}, "the numbers falloff"),
+        ({"parameters": {"camera": {"focal_length": 10.0}, "light": [1]}}, "light=.* has no kind and numbers"),
         ({"seconds": None}, "no seconds"),
+        ({"device": None}, "no device"),
     ],
 )
 def test_a_report_that_was_changed_is_refused(
@@ -194,4 +196,40 @@ def test_a_report_that_was_changed_is_refused(
     place = tmp_path / "report.json"
     place.write_text(json.dumps({**json.loads(place.read_text()), **change}))
     with pytest.raises(ps.InputError, match=rf"report\.json.*{message}"):
+        ps.load(tmp_path)
+
+
+def test_a_report_of_brackets_is_refused(solved: ps.Solution, tmp_path: Path) -> None:
+    solved.save(tmp_path, save="solution")
+    for text in ("[" * 100_000, "[]", "3"):
+        (tmp_path / "report.json").write_text(text)
+        with pytest.raises(ps.InputError, match=r"report\.json is no"):
+            ps.load(tmp_path)
+
+
+def test_arrays_that_were_changed_are_refused(solved: ps.Solution, tmp_path: Path) -> None:
+    solved.save(tmp_path, save="solution")
+    place = tmp_path / "solution.npz"
+    with np.load(place) as file:
+        arrays = dict(file)
+    changes: dict[str, tuple[Any, str]] = {
+        "image": (np.ones((3, 3), np.float32), r"float32 of shape \(3, 3\) for image"),
+        "clamped": (np.zeros(3, np.uint8), "for clamped"),
+        "changes": (np.array(["a"]), "for changes"),
+        "fingerprint": (np.array(np.nan), "is of another surface"),
+        "distance": (np.array([1.0, 2.0]), "for distance"),
+        "departure": (arrays["image"], "no guide"),
+    }
+    for name, (values, message) in changes.items():
+        np.savez(place, **{**arrays, name: values})
+        with pytest.raises(ps.InputError, match=message):
+            ps.load(tmp_path)
+    np.savez(place, **{name: values for name, values in arrays.items() if name != "image"})
+    with pytest.raises(ps.InputError, match=r"solution\.npz has no image"):
+        ps.load(tmp_path)
+    np.savez(place, image=np.array([None]))
+    with pytest.raises(ps.InputError, match=r"solution\.npz holds Python objects"):
+        ps.load(tmp_path)
+    np.savez_compressed(place, image=np.zeros(10**6))
+    with pytest.raises(ps.InputError, match=r"solution\.npz promises more bytes than it has"):
         ps.load(tmp_path)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from persfs_cl.wording import keyword
 
 if TYPE_CHECKING:
     import trimesh
+
+Kind = Literal["data", "picture", "mesh", "solid", "preview"]
 
 
 class Source:
@@ -109,7 +111,7 @@ class Format:
     file: str
     write: Callable[[Path, Source], None] | None
     groups: tuple[str, ...] = ()
-    kind: str = "data"
+    kind: Kind = "data"
     alone: bool = False
     applies: Callable[[Source], bool] = lambda _: True
     about: Callable[[Source], Mapping[str, Any]] | None = None
