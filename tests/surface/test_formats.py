@@ -59,6 +59,21 @@ def test_exr_holds_the_depth_as_z(solution: ps.Solution, tmp_path: Path) -> None
     np.testing.assert_array_equal(read_exr(tmp_path / "depth.exr"), pixels)
 
 
+def test_an_exr_that_cannot_be_written_leaves_nothing(
+    solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    openexr = pytest.importorskip("OpenEXR")
+
+    def fail(_file: object, name: str) -> None:
+        Path(name).write_bytes(b"half")
+        raise RuntimeError("No space left on device")
+
+    monkeypatch.setattr(openexr.File, "write", fail)
+    with pytest.raises(ps.InputError, match=r"depth\.exr cannot be written: No space left on device"):
+        solution.save(tmp_path / "depth.exr")
+    assert not list(tmp_path.iterdir())
+
+
 def test_heights_turn_back_into_depths(solution: ps.Solution, tmp_path: Path) -> None:
     said = saved(solution, tmp_path, "height.png")["height.png"]
     with Image.open(tmp_path / "height.png") as image:
@@ -86,7 +101,8 @@ def test_any_depths_have_heights(depth: list[list[float]]) -> None:
 @pytest.mark.parametrize("faces", [0, 300])
 def test_glb_has_the_axes_of_gltf_and_wears_the_photograph(faces: int, solution: ps.Solution, tmp_path: Path) -> None:
     saved(solution, tmp_path, "mesh.glb", mesh_faces=faces)
-    [mesh] = trimesh.load_scene(tmp_path / "mesh.glb", process=False).geometry.values()
+    scene = trimesh.load_scene(tmp_path / "mesh.glb", process=False)
+    [mesh] = scene.geometry.values()
     visual: Any = mesh.visual
     texture = np.array(visual.material.baseColorTexture.convert("RGB"))
     np.testing.assert_array_equal(texture, COLOUR)
@@ -95,6 +111,7 @@ def test_glb_has_the_axes_of_gltf_and_wears_the_photograph(faces: int, solution:
     # Right stays, down and forward turn around; so a triangle that faced the camera still does.
     np.testing.assert_allclose(vertices, expected.vertices * (1, -1, -1), rtol=1e-6)
     assert (vertices[:, 2] < 0).all()
+    np.testing.assert_array_equal(scene.bounds, mesh.bounds, "turned by no node")
     assert (mesh.face_normals[:, 2] > 0).mean() > 0.9
     # Pixels of the texture are where the camera sees the vertices; trimesh counts from below.
     place = visual.uv * (1, -1) + (0, 1)
