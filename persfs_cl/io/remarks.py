@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
+import re
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +15,10 @@ from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.files import FilePath
 from persfs_cl.told import DEVELOPERS, hearing, pass_on
 
+_LOGGERS = ("tifffile", "exifread")
+_STANDARD_ERROR = 2
+_LIBRAW = re.compile(rb"Unexpected end of file|data corrupted at \d+")
+_redirecting = threading.Lock()
 # Harmless, or said otherwise.
 _IDLE = ("Palette images with Transparency", "is not a valid ORIENTATION")
 
@@ -29,9 +36,10 @@ _thread = _OfThread()
 def decoding(path: FilePath, failure: str = "is broken or not supported") -> Iterator[None]:
     """A block that decodes one file.
 
-    tifffile tells of what it finds by `logging`, Pillow and NumPy by warnings; both are held back, and said in one
-    warning when the block has succeeded. The decoders in C write nothing on standard error as they are used here:
-    Pillow and imagecodecs give libjpeg and libpng handlers that are silent, and libtiff is not used.
+    tifffile and exifread tell of what they find by `logging`, Pillow and NumPy by warnings; both are held back, and
+    said in one warning when the block has succeeded. Most decoders in C write nothing on standard error as they are
+    used here: Pillow and imagecodecs give libjpeg and libpng handlers that are silent, and libtiff is not used. LibRaw
+    does, see :func:`heard_on_standard_error`.
 
     Parameters
     ----------
@@ -80,10 +88,39 @@ def _sentence(text: str) -> str:
 
 
 @contextmanager
+def heard_on_standard_error() -> Iterator[None]:
+    """A block, within :func:`decoding`, in which LibRaw may write on standard error what it finds.
+
+    Its lines are remarks like others. What other threads write meanwhile comes out when the block has ended.
+    """
+    with _redirecting:
+        try:
+            screen = os.dup(_STANDARD_ERROR)
+        except OSError:  # it is closed
+            yield
+            return
+        with tempfile.TemporaryFile() as kept:
+            os.dup2(kept.fileno(), _STANDARD_ERROR)
+            try:
+                yield
+            finally:
+                os.dup2(screen, _STANDARD_ERROR)
+                os.close(screen)
+                kept.seek(0)
+                for line in kept:
+                    found = _LIBRAW.search(line)
+                    if found and _thread.said is not None:
+                        _thread.said.append(found[0].decode("ascii"))
+                    else:
+                        os.write(_STANDARD_ERROR, line)
+
+
+@contextmanager
 def _logging_to(said: list[str]) -> Iterator[None]:
-    """A block in which this thread hears what tifffile logs, and nobody else does."""
-    # It stays there: a list of filters that others shorten while a line goes through it lets some of them out.
-    logging.getLogger("tifffile").addFilter(_is_for_the_log)
+    """A block in which this thread hears what the libraries log, and nobody else does."""
+    for name in _LOGGERS:
+        # It stays there: a list of filters that others shorten while a line goes through it lets some of them out.
+        logging.getLogger(name).addFilter(_is_for_the_log)
     before, _thread.said = _thread.said, said
     try:
         yield

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath
 from persfs_cl.io.tiff import DNG_VERSION, MAKE, PHOTOMETRIC, SUB_IFDS, Directory
-from persfs_cl.wording import keyword
 
 SUFFIXES = frozenset(
     {
@@ -70,32 +67,16 @@ _MAKERS = {
 }
 
 
-def refuse_raw(path: FilePath, data: bytes, pages: Sequence[Directory] = ()) -> None:
-    """Refuse a camera raw file: its only picture that could be read is a preview.
+def raw_kind(data: bytes, pages: Sequence[Directory]) -> str | None:
+    """Which kind of camera raw file it is; None where it is none.
 
     Parameters
     ----------
-    path : path
-        Named in the error.
     data : bytes
         The first 64, or more.
     pages : sequence of Directory
         Of a TIFF file.
-
-    Raises
-    ------
-    InputError
-        Naming the kind of raw file, and what to make of it.
     """
-    kind = _kind(data, pages)
-    if kind:
-        raise InputError(
-            f"{path} is a camera raw file ({kind}), which is not read. Develop it in a raw developer, linearly and "
-            f"without a tone curve, to a 16-bit TIFF file, and give that with {keyword('encoding', 'linear')}."
-        )
-
-
-def _kind(data: bytes, pages: Sequence[Directory]) -> str | None:
     for start, magic, kind in _MAGIC:
         if data.startswith(magic, start):
             return kind
