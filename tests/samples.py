@@ -48,9 +48,9 @@ def turned_upright(samples: Samples, orientation: int) -> Samples:
         2: np.fliplr,
         3: lambda a: np.rot90(a, 2),
         4: np.flipud,
-        5: np.transpose,
+        5: lambda a: a.swapaxes(0, 1),
         6: lambda a: np.rot90(a, -1),
-        7: lambda a: np.rot90(a, 2).T,
+        7: lambda a: np.rot90(a, 2).swapaxes(0, 1),
         8: np.rot90,
     }
     return upright[orientation](samples) if orientation in upright else samples

@@ -160,7 +160,7 @@ def _read_exif(path: FilePath, half_size: bool) -> tuple[tuple[int, int], Mappin
         import exifread
 
         # exifread follows what is in them wherever it leads, and makes a number of every value: walked first.
-        read_directories(path, file.read())
+        read_directories(path, source.data if file is source.stream else file.read())
         found = exifread.process_file(file, details=False, extract_thumbnail=False)
         # Those of the photo itself, and then of how it was taken.
         return size, {

@@ -274,40 +274,34 @@ def read_frame(path: FilePath, frame: int, *, channel: Channel = "luminance", en
 
 def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> Photo:
     samples, white = raster.colours, raster.white
-    floating = samples.dtype.kind == "f"
+    floating, count = samples.dtype.kind == "f", samples.shape[2]
     space = _space(path, raster, encoding)
+    alike = space.curve != "profile" and space.gains == _EQUAL
+
+    # A table of every possible sample costs far less than a power for each pixel.
+    steps = np.arange(1 if floating else 2**raster.bits) / white
+    tables = [space.linear(steps, index) for index in range(1 if alike else count)]
 
     def linear(values: NDArray[Any], index: int) -> Array:
-        return space.linear(values.astype(np.float64) / white, index)
+        if floating:
+            return space.linear(values.astype(np.float64) / white, index)
+        return np.asarray(tables[0 if alike else index][values])
 
-    channels = [samples[..., index] for index in range(samples.shape[2])]
-    weights = (1.0,) if len(channels) == 1 else _weights(space, channel)
+    channels = [samples[..., index] for index in range(count)]
+    weights = (1.0,) if count == 1 else _weights(space, channel)
     smallest = np.minimum.reduce(channels)
     largest = np.maximum.reduce([values for weight, values in zip(weights, channels, strict=True) if weight])
-    alike = space.curve != "profile" and space.gains == _EQUAL
     if channel == "max" and alike:
         # Brighter light is a larger number, so the largest sample may be chosen before it is decoded.
         channels, weights = [largest], (1.0,)
-    if floating:
-        light = (linear(values, index) for index, values in enumerate(channels))
-    else:
-        # A table of every possible sample costs far less than a power for each pixel.
-        steps = np.arange(2**raster.bits)
-        one = linear(steps, 0)
-        tables = [one if alike or not index else linear(steps, index) for index in range(samples.shape[2])]
-        light = (tables[index][values] for index, values in enumerate(channels))
     image = np.zeros(samples.shape[:2])
-    for weight, values in zip(weights, light, strict=True):
-        if channel == "max" and not alike:
-            np.maximum(image, weight * values, out=image)
-        else:
-            image += weight * values
-    if space.curve != "profile" and space.to_srgb is None:
-        colour = to_display(linear(samples, 0)) if floating else to_display(one)[samples]
-    elif floating:
-        colour = _colours(space, lambda rows: [linear(samples[rows, :, index], index) for index in range(3)], samples)
+    for index, (weight, values) in enumerate(zip(weights, channels, strict=True)):
+        light = weight * linear(values, index)
+        image = np.maximum(image, light, out=image) if channel == "max" else np.add(image, light, out=image)
+    if alike and (space.to_srgb is None or count == 1):
+        colour = to_display(linear(samples, 0)) if floating else to_display(tables[0])[samples]
     else:
-        colour = _colours(space, lambda rows: [table[samples[rows, :, at]] for at, table in enumerate(tables)], samples)
+        colour = _colours(space, linear, samples)
     if colour.shape[2] == 1:
         colour = np.repeat(colour, 3, axis=2)
     return Photo(
@@ -347,13 +341,16 @@ def _weights(space: ColourSpace, channel: Channel) -> Three:
     return _SINGLE.get(channel) or (space.luminance if channel == "luminance" else space.mean)
 
 
-def _colours(space: ColourSpace, linear: Callable[[slice], list[Array]], samples: NDArray[Any]) -> NDArray[np.uint8]:
+def _colours(
+    space: ColourSpace, linear: Callable[[NDArray[Any], int], Array], samples: NDArray[Any]
+) -> NDArray[np.uint8]:
     """The photo in sRGB, a few rows at a time."""
     colour = np.empty(samples.shape, np.uint8)
     for first in range(0, len(samples), _ROWS):
-        rows = slice(first, first + _ROWS)
-        light = np.stack(linear(rows), axis=-1)
-        colour[rows] = to_display(light if space.to_srgb is None else light @ np.array(space.to_srgb).T)
+        rows = samples[first : first + _ROWS]
+        light = np.stack([linear(rows[..., index], index) for index in range(samples.shape[2])], axis=-1)
+        mixed = light @ np.array(space.to_srgb).T if space.to_srgb and light.shape[2] == 3 else light
+        colour[first : first + _ROWS] = to_display(mixed)
     return colour
 
 
