@@ -138,9 +138,8 @@ def test_one_picture_of_several_is_chosen(tmp_path: Path, name: str) -> None:
             file.add_from_pillow(frame)
         file.save(path, quality=-1, chroma=444, matrix_coefficients=0)
     else:
-        frames[0].save(
-            path, save_all=True, append_images=frames[1:], **({"lossless": True} if name == "a.webp" else {})
-        )
+        lossless: dict[str, Any] = {"lossless": True} if name == "a.webp" else {}
+        frames[0].save(path, save_all=True, append_images=frames[1:], **lossless)
     for page, value in enumerate(values, 1):
         np.testing.assert_allclose(read_photo(path, page=page).colour.astype(int), value, atol=4)
         assert read_header(path, page=page).shape == (16, 24)
