@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,14 +31,14 @@ def mosaic(light: NDArray[np.float64], *, black: float = BLACK) -> NDArray[np.ui
 
 
 def write_dng(
-    path: Path,
+    path: Any,
     samples: Any,
     *,
     orientation: int = 1,
     black: int = BLACK,
     focal_length_35mm: int | None = None,
     **options: Any,
-) -> Path:
+) -> Any:
     """Samples of a mosaic, (H, W), or of linear colours, (H, W, 3), or these as strips that are already encoded."""
     bayer = np.ndim(samples) == 2
     matrix = np.diag(GAINS) @ np.linalg.inv(_XYZ_BY_SRGB)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from persfs_cl.errors import InputError
 from persfs_cl.io.formats.format import Source
 from persfs_cl.io.formats.pillow import PillowFormat
+from persfs_cl.io.remarks import heard_on_standard_error
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -45,7 +46,8 @@ class Png(PillowFormat):
                 f"{source.path} is an animation of 16 bits, of which picture {picture + 1} cannot be told from the "
                 "others: save the one you want alone."
             )
-        return np.asarray(imagecodecs.png_decode(bytes(source.data)))
+        with heard_on_standard_error():
+            return np.asarray(imagecodecs.png_decode(bytes(source.data)))
 
     def exif_block(self, source: Source, photo: PIL.Image.Image) -> bytes:
         """Wherever they are: for what may follow the pixels, Pillow would decode these."""
