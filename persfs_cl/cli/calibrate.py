@@ -135,10 +135,7 @@ def calibrate(
     with _steps() as show:
         calibration = fit_photographs(
             read,
-            [
-                camera.of(path, shape, half_size=brightness.half_size)[0]
-                for path, shape in zip(photos, shapes, strict=True)
-            ],
+            [camera.of(path, shape)[0] for path, shape in zip(photos, shapes, strict=True)],
             fit=sought,
             light=light,
             reflectance=reflectance,
@@ -172,7 +169,7 @@ def _read(path: Path, truth: Path, brightness: Brightness, camera: CameraChoice)
     shape = (photo.image.shape[0], photo.image.shape[1])
     if truth.suffix.lower() in _MAPS:
         return photo, read_depth(truth, shape, orientation=photo.orientation)
-    return photo, GuideFile(truth).read(path, camera.of(path, shape, half_size=brightness.half_size)[0], shape)
+    return photo, GuideFile(truth).read(path, camera.of(path, shape)[0], shape)
 
 
 @contextmanager

@@ -40,11 +40,16 @@ _NAMES = {11: "ProcessingSoftware"}
 _TELL = f"Give {keyword('focal_length')}, in pixels."
 
 
-def exif_focal_length(path: FilePath, *, half_size: bool = False) -> tuple[float, str]:
+def exif_focal_length(path: FilePath, shape: tuple[int, int] | None = None) -> tuple[float, str]:
     """The focal length that a photo's EXIF data describe, and by which of their tags.
 
-    Parameters, errors, warnings and meaning are those of
-    :meth:`Camera.from_exif <persfs_cl.camera.Camera.from_exif>`.
+    Errors, warnings and meaning are those of :meth:`Camera.from_exif <persfs_cl.camera.Camera.from_exif>`.
+
+    Parameters
+    ----------
+    path : path
+    shape : (int, int), optional
+        (height, width) of the image that was read; by default the file is asked for it.
 
     Returns
     -------
@@ -55,7 +60,7 @@ def exif_focal_length(path: FilePath, *, half_size: bool = False) -> tuple[float
     """
     if as_path(path).suffix.lower() in VIDEOS:
         raise CameraError(f"{path} is a video, which does not tell the focal length. {_TELL}")
-    size, tags = _read_exif(path, half_size)
+    size, tags = _read_exif(path, shape)
     taken = _size_when_taken(path, size, tags)
     film, length = _positive(tags, "FocalLengthIn35mmFilm"), _positive(tags, "FocalLength")
     resolution = _positive(tags, "FocalPlaneXResolution")
@@ -148,13 +153,14 @@ def _editor(tags: Mapping[str, Any]) -> str:
     return ""
 
 
-def _read_exif(path: FilePath, half_size: bool) -> tuple[tuple[int, int], Mapping[str, Any]]:
+def _read_exif(path: FilePath, shape: tuple[int, int] | None) -> tuple[tuple[int, int], Mapping[str, Any]]:
     """Size in pixels, one side and the other, and the EXIF tags by name."""
-    with asked(as_path(path), "cannot be read as a photo", half_size=half_size) as (form, source):
+    with asked(as_path(path), "cannot be read as a photo") as (form, source):
         if source.head.startswith(BIG_SIGNATURES):
             # exifread follows 32-bit offsets only.
             raise CameraError(f"{path} is a BigTIFF file, whose EXIF data are not read. {_TELL}")
-        size, file = form.exif(source)
+        size = form.size(source) if shape is None else (shape[1], shape[0])
+        file = form.exif(source)
         if file is None:
             return size, {}
         import exifread

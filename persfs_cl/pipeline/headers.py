@@ -106,7 +106,7 @@ def look(job: Job) -> Looked:
             check_map(kind, file, size, orientation=orientation, half_size=job.brightness.half_size)
     if job.guide is not None:
         job.guide.check()
-    camera, source = job.camera.of(job.path, size, half_size=job.brightness.half_size)
+    camera, source = job.camera.of(job.path, size)
     try:
         camera.grid(size)
     except CameraError as error:

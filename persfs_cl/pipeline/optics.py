@@ -51,7 +51,7 @@ class CameraChoice:
         """What is said of the camera itself, for the report."""
         return {name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")}
 
-    def of(self, path: Path, shape: tuple[int, int], *, half_size: bool = False) -> tuple[Camera, str]:
+    def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
         """The camera of an image, and what told its focal length.
 
         Parameters
@@ -60,8 +60,6 @@ class CameraChoice:
             The image's file; its EXIF data say the focal length where nothing else does.
         shape : (int, int)
             (height, width) of the image.
-        half_size : bool
-            Whether that is half the size of the camera raw file.
 
         Raises
         ------
@@ -83,7 +81,7 @@ class CameraChoice:
             return Camera.from_fov(self.fov, shape, self.principal_point), self._source("fov")
         if self.focal_length is None:
             try:
-                length, tags = exif_focal_length(path, half_size=half_size)
+                length, tags = exif_focal_length(path, shape)
             except CameraError as error:
                 raise error.adding(f"Or give {keyword('fov')}, the horizontal field of view in degrees.") from error
             return Camera(length, self.principal_point), f"EXIF {tags}"

@@ -127,5 +127,9 @@ class Format(ABC):
         """The samples."""
 
     @abstractmethod
-    def exif(self, source: Source) -> tuple[tuple[int, int], BinaryIO | None]:
-        """The size of the image, one side and the other, and its EXIF data as a TIFF file, if it has any."""
+    def size(self, source: Source) -> tuple[int, int]:
+        """Of the picture, one side and the other, whatever its samples are."""
+
+    @abstractmethod
+    def exif(self, source: Source) -> BinaryIO | None:
+        """Its EXIF data as a TIFF file, if it has any."""

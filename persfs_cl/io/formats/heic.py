@@ -40,11 +40,14 @@ class Heic(Format):
         samples = samples[..., None] if samples.ndim == 2 else samples
         return Raster(upright(samples, 1), _bits(picture), 1, _bytes(picture, "icc_profile") or None)
 
-    def exif(self, source: Source) -> tuple[tuple[int, int], BinaryIO | None]:
+    def size(self, source: Source) -> tuple[int, int]:
+        """By pillow-heif."""
+        return _picture(source).size
+
+    def exif(self, source: Source) -> BinaryIO | None:
         """By pillow-heif, which finds them."""
-        picture = _picture(source)
-        block = _bytes(picture, "exif").removeprefix(b"Exif\0\0")
-        return picture.size, io.BytesIO(block) if block else None
+        block = _bytes(_picture(source), "exif").removeprefix(b"Exif\0\0")
+        return io.BytesIO(block) if block else None
 
 
 def _bits(picture: pillow_heif.HeifImage) -> int:

@@ -81,11 +81,16 @@ class PillowFormat(Format):
             samples = samples[..., None]
         return Raster(upright(samples, orientation), bits, orientation, profile)
 
-    def exif(self, source: Source) -> tuple[tuple[int, int], BinaryIO | None]:
+    def size(self, source: Source) -> tuple[int, int]:
+        """By Pillow."""
+        with self.opened(source) as photo:
+            return photo.size
+
+    def exif(self, source: Source) -> BinaryIO | None:
         """By Pillow, which finds them."""
         with self.opened(source) as photo:
             block = self.exif_block(source, photo).removeprefix(b"Exif\0\0")
-            return photo.size, io.BytesIO(block) if block else None
+            return io.BytesIO(block) if block else None
 
 
 def _require_mode(source: Source, photo: PIL.Image.Image) -> None:

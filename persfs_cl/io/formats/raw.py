@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -70,23 +71,23 @@ class Raw(Format):
             samples = _developed(source, file, shape, balance)
             return Raster(upright(samples, orientation), 16, orientation, _space(balance, file.color_matrix))
 
-    def exif(self, source: Source) -> tuple[tuple[int, int], BinaryIO | None]:
-        """The file itself where it is of the TIFF kind, or what of it is."""
-        if (page := linear_page(source)) is not None:
-            height, width = linear_header(source, page).shape
-        else:
-            with _opened(source) as file:
-                height, width = _shape(source, file)
+    def size(self, source: Source) -> tuple[int, int]:
+        """By LibRaw, which knows the margins of sensors."""
+        height, width = self.header(source).shape
+        return width, height
+
+    def exif(self, source: Source) -> BinaryIO | None:
+        """The file itself where it is of the TIFF kind; else what is in its preview, or in the boxes of a CR3 file."""
         if source.head[:2] in (b"II", b"MM"):
-            return (width, height), source.file()
+            return source.file()
         if source.head.startswith(_FUJIFILM):
-            place, size = (
-                int.from_bytes(source.data[at : at + 4], "big") for at in (_FUJIFILM_PREVIEW, _FUJIFILM_PREVIEW + 4)
-            )
-            return (width, height), Jpeg().exif(Source(source.path, bytes(source.data[place : place + size])))[1]
+            place, size = struct.unpack_from(">II", source.data, _FUJIFILM_PREVIEW)
+            return Jpeg().exif(Source(source.path, bytes(source.data[place : place + size])))
         boxes = bytes(source.data[:_BOXES])
         place = boxes.find(_CANON_EXIF)
-        return (width, height), None if place < 0 else io.BytesIO(boxes[place + 4 :])
+        # A box says its size before its name.
+        end = place - 4 + int.from_bytes(boxes[place - 4 : place], "big")
+        return io.BytesIO(boxes[place + 4 : end]) if place > 3 else None
 
 
 @contextmanager

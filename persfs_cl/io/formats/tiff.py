@@ -76,13 +76,17 @@ class Tiff(Format):
         orientation = exif_orientation(page.tags.valueof(_EXIF_ORIENTATION))
         return Raster(upright(samples, orientation), bits, orientation, profile if isinstance(profile, bytes) else None)
 
-    def exif(self, source: Source) -> tuple[tuple[int, int], BinaryIO | None]:
-        """The file itself."""
+    def size(self, source: Source) -> tuple[int, int]:
+        """By the directories."""
         whole = next((page for page in source.directories if not page.reduced), Directory({}))
         size = whole.number(IMAGE_WIDTH), whole.number(IMAGE_LENGTH)
         if min(size) < 1:
             raise InputError(f"{source.path} is broken: it does not say its width and height. Save or copy it again.")
-        return size, source.file()
+        return size
+
+    def exif(self, source: Source) -> BinaryIO:
+        """The file itself."""
+        return source.file()
 
 
 def require_directories(source: Source) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import struct
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import pytest
 import tifffile
 from dng import BLACK, GAINS, WHITE, mosaic, smooth_light, write_dng
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image
 from samples import WEIGHTS, turned_upright
 
 from persfs_cl.camera import Camera
@@ -207,7 +209,7 @@ def test_the_focal_length_is_of_the_size_that_is_read(tmp_path: Path) -> None:
     path = write_dng(tmp_path / "a.dng", mosaic(smooth_light((64, 96))), focal_length_35mm=26)
     expected = 26 * math.hypot(64, 96) / math.hypot(36, 24)
     assert Camera.from_exif(path).fx == pytest.approx(expected)
-    assert exif_focal_length(path, half_size=True)[0] == pytest.approx(expected / 2)
+    assert exif_focal_length(path, read_photo(path, half_size=True).image.shape)[0] == pytest.approx(expected / 2)
 
 
 def test_a_dark_frame_and_a_flat_field_are_of_the_photo_s_scale(tmp_path: Path) -> None:
@@ -262,3 +264,25 @@ def test_pixels_of_a_raw_file_are_counted_before_it_is_decoded(tmp_path: Path, m
     for read in (read_photo, read_header):
         with pytest.raises(InputError, match=r"a\.dng is too large: 64 × 96 pixels are 6,144"):
             read(path)
+
+
+def lens(length: int) -> bytes:
+    """EXIF's own directory as a TIFF file: the 35 mm equivalent."""
+    return b"II*\0" + struct.pack("<IHHHIII", 8, 1, 41989, 3, 1, length, 0)
+
+
+def test_the_lens_is_found_in_raw_files_that_are_no_tiff(tmp_path: Path) -> None:
+    preview = io.BytesIO()
+    exif = Image.Exif()
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 26
+    Image.new("L", (24, 16)).save(preview, "JPEG", exif=exif)
+    head = b"FUJIFILMCCD-RAW 0201".ljust(84, b"\0") + struct.pack(">II", 200, len(preview.getvalue()))
+    (tmp_path / "a.raf").write_bytes(head.ljust(200, b"\0") + preview.getvalue())
+    box = struct.pack(">I", 8 + len(lens(26))) + b"CMT2" + lens(26)
+    (tmp_path / "a.cr3").write_bytes(b"\0\0\0\x18ftypcrx " + bytes(8) + b"crx isom" + box + bytes(99))
+    # Neither has a sensor's image, which tells the size.
+    for name in ("a.raf", "a.cr3"):
+        found = exif_focal_length(tmp_path / name, (40, 60))
+        assert found == (pytest.approx(26 * math.hypot(40, 60) / math.hypot(36, 24)), "FocalLengthIn35mmFilm")
+        with pytest.raises(InputError, match="that cannot be read"):
+            Camera.from_exif(tmp_path / name)
