@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from io import BytesIO
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import tifffile
@@ -30,15 +32,18 @@ def mosaic(light: NDArray[np.float64], *, black: float = BLACK) -> NDArray[np.ui
     return np.asarray(np.rint(black + (WHITE - black) * np.minimum(light * gain, 1.0)), np.uint16)
 
 
+Target = TypeVar("Target", Path, BytesIO)
+
+
 def write_dng(
-    path: Any,
+    path: Target,
     samples: Any,
     *,
     orientation: int = 1,
     black: int = BLACK,
     focal_length_35mm: int | None = None,
     **options: Any,
-) -> Any:
+) -> Target:
     """Samples of a mosaic, (H, W), or of linear colours, (H, W, 3), or these as strips that are already encoded."""
     bayer = np.ndim(samples) == 2
     matrix = np.diag(GAINS) @ np.linalg.inv(_XYZ_BY_SRGB)

@@ -110,9 +110,9 @@ def heard_on_standard_error() -> Iterator[None]:
             for line in high.getvalue().splitlines(keepends=True):
                 if not _is_remark(line) and sys.stderr is not None:
                     sys.stderr.write(line)
-            for line in low.splitlines(keepends=True):
-                if not _is_remark(line.decode("utf-8", "replace")):
-                    os.write(_STANDARD_ERROR, line)
+            for written in low.splitlines(keepends=True):
+                if not _is_remark(written.decode("utf-8", "replace")):
+                    os.write(_STANDARD_ERROR, written)
 
 
 @contextmanager
