@@ -36,7 +36,8 @@ SUFFIXES = frozenset(
 )
 """Of camera raw files, in small letters."""
 
-_COLOUR_FILTER_ARRAY, _LINEAR_RAW = 32803, 34892
+SENSORS = (32803, 34892)
+"""Colour models of what a sensor measured: a colour filter array, and three colours a pixel."""
 # What stands at which byte.
 _MAGIC: tuple[tuple[int, bytes, str], ...] = (
     (8, b"CR\x02", "Canon CR2"),
@@ -86,7 +87,7 @@ def raw_kind(data: bytes, pages: Sequence[Directory]) -> str | None:
     if any(DNG_VERSION in directory.tags for directory in directories):
         return "Adobe DNG"
     first = pages[0]
-    sensor = any(directory.number(PHOTOMETRIC) in (_COLOUR_FILTER_ARRAY, _LINEAR_RAW) for directory in directories)
+    sensor = any(directory.number(PHOTOMETRIC) in SENSORS for directory in directories)
     maker = first.text(MAKE)
     # Some makers' sensor images have numbers for a colour model that are nobody else's.
     preview = bool(maker) and first.reduced and SUB_IFDS in first.tags

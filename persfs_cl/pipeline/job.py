@@ -193,6 +193,9 @@ def read_job(job: Job) -> JobInputs:
             half_size=halved,
         )
     else:
+        for name in ("page", "half_size"):
+            if value := getattr(job.brightness, name):
+                raise InputError.about(name, value, f"is not for a video such as {job.path}: leave it out.")
         photo = read_frame(job.path, job.frame, channel=channel, encoding=encoding)
     shape = (photo.image.shape[0], photo.image.shape[1])
     opaque = np.ones(shape, bool) if photo.mask is None else photo.mask

@@ -9,6 +9,7 @@ import pytest
 import tifffile
 from command import FOCAL, HEIGHT, SCENE, WIDTH, run, strict
 from dng import mosaic, write_dng
+from videos import make_video
 
 import persfs_cl as ps
 from persfs_cl.colour import encode_srgb
@@ -81,3 +82,12 @@ def test_a_page_is_chosen(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.load(tmp_path / "out" / "depth.npy"), expected, rtol=1e-3)
     assert strict(tmp_path / "out" / "report.json")["photo"]["page"] == 2
     assert "there is no page 3" in run("reconstruct", path, "-o", tmp_path / "o", *FOCAL, "--page", "3").stderr
+
+
+@pytest.mark.parametrize("option", [("--page", "2"), ("--half-size",)])
+def test_frames_of_a_video_have_neither_pages_nor_half_sizes(tmp_path: Path, option: tuple[str, ...]) -> None:
+    levels = np.rint(255 * encode_srgb(SCENE.image)).astype(np.uint8)
+    make_video(tmp_path / "clip.mkv", [np.repeat(levels[..., None], 3, axis=-1)])
+    outcome = run("batch", tmp_path / "clip.mkv", "-o", tmp_path / "out", *FOCAL, *option)
+    assert outcome.status == 1
+    assert f"{' '.join(option)} is not for a video such as" in outcome.stdout + outcome.stderr

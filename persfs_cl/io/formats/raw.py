@@ -19,9 +19,10 @@ from persfs_cl.io.formats.jpeg import Jpeg
 from persfs_cl.io.formats.linear_dng import half_shape, halved, linear_header, linear_page, linear_samples
 from persfs_cl.io.formats.tiff import require_directories
 from persfs_cl.io.limits import require_pixels
-from persfs_cl.io.makers import SUFFIXES, raw_kind
+from persfs_cl.io.makers import SENSORS, SUFFIXES, raw_kind
 from persfs_cl.io.raster import Header, Raster, upright, upright_shape
 from persfs_cl.io.remarks import heard_on_standard_error
+from persfs_cl.io.tiff import PHOTOMETRIC
 from persfs_cl.wording import keyword
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 _WHITE = 65535
 # EXIF's orientation by LibRaw's number, whose bits are transposed, upside down and mirrored.
 _ORIENTATIONS = {0: 1, 1: 2, 2: 4, 3: 3, 4: 5, 5: 8, 6: 6, 7: 7}
+_PARTS = ((273, 279), (324, 325))
+"""Tags of places and sizes of strips, and of tiles."""
 _FUJIFILM, _FUJIFILM_PREVIEW = b"FUJIFILMCCD-RAW", 84
 _CANON_EXIF = b"CMT2"
 _BOXES = 2**20
@@ -102,6 +105,7 @@ def _opened(source: Source) -> Iterator[rawpy.RawPy]:
             f"'persfs-cl[raw]'. Or {_developing()}"
         ) from error
     require_directories(source)
+    _require_data(source)
     try:
         with rawpy.RawPy() as file:
             with heard_on_standard_error():
@@ -116,6 +120,21 @@ def _opened(source: Source) -> Iterator[rawpy.RawPy]:
             f"{source.path} is a camera raw file ({kind}) that cannot be read ({reason}); its preview is no photo: "
             f"{_developing()}"
         ) from error
+
+
+def _require_data(source: Source) -> None:
+    """Refuse a file of the TIFF kind that ends before the sensor's image does: LibRaw may take what lacks for black."""
+    for directory in (part for page in source.directories for part in page.walk()):
+        if directory.number(PHOTOMETRIC) not in SENSORS:
+            continue
+        for places, counts in _PARTS:
+            pairs = zip(directory.tags.get(places, ()), directory.tags.get(counts, ()), strict=False)
+            end = max((int(place) + int(count) for place, count in pairs), default=0)
+            if end > len(source.data):
+                raise InputError(
+                    f"{source.path} lacks data: its sensor's image ends at byte {end}, and the file has "
+                    f"{len(source.data)}. Copy it again."
+                )
 
 
 def _developing() -> str:
@@ -166,9 +185,10 @@ def _developed(source: Source, file: rawpy.RawPy, shape: tuple[int, int], balanc
     )
     if samples.ndim == 2:
         samples = samples[..., None]
-    if source.half_size and samples.shape[0] > shape[0] + 1:
-        samples = halved(samples)  # whose sensor has all colours at each place, and LibRaw leaves it as it is
-    samples = samples[: shape[0], : shape[1]]  # squares that are cut off lack colours
+    if source.half_size:
+        if samples.shape[0] > shape[0] + 1:
+            samples = halved(samples)  # whose sensor has all colours at each place, and LibRaw leaves it as it is
+        samples = samples[: shape[0], : shape[1]]  # squares that are cut off lack colours
     if samples.shape[2] not in (1, 3):
         raise InputError(f"{source.path} has {samples.shape[2]} colours of the sensor, and not three: {_developing()}")
     if samples.shape[2] == 3:
