@@ -62,6 +62,8 @@ class Photo:
         How EXIF turned the photo: 1 not at all, 2 to 8 as EXIF numbers them. The arrays are upright already.
     profile : str
         Name of the colour profile that was used, or "camera" for a raw file; empty where there is none.
+    space : ColourSpace
+        What the numbers mean: the curve, and the light of the primaries.
 
     Examples
     --------
@@ -213,11 +215,9 @@ def read_photo(
     >>> photo.image.shape, photo.colour.shape
     ((72, 72), (72, 72, 3))
     """
-    photo = read_light_photo(
-        path, channel=channel, encoding=encoding, keep_nan=keep_nan, page=page, half_size=half_size
+    return read_light_photo(
+        path, channel=channel, encoding=encoding, keep_nan=keep_nan, page=page, half_size=half_size, dark=False
     )
-    _warn_of_few_bits(photo)
-    return photo
 
 
 def read_light_photo(
@@ -228,8 +228,9 @@ def read_light_photo(
     keep_nan: bool,
     page: int | None = None,
     half_size: bool = False,
+    dark: bool = True,
 ) -> Photo:
-    """As :func:`read_photo`, for what may well be dark, such as a photo without the lamp."""
+    """As :func:`read_photo`, also for what may well be `dark`, such as a photo without the lamp."""
     check_choice("channel", channel, Channel)
     check_choice("encoding", encoding, Encoding)
     if page is not None:
@@ -239,6 +240,8 @@ def read_light_photo(
         require_sensor(path)
     raster = read_raster(path, page=page, half_size=half_size)
     require_brightness(path, raster, keep_nan=keep_nan)
+    if not dark:
+        _warn_of_few_bits(path, raster)
     return _photo(path, raster, channel, encoding)
 
 
@@ -354,17 +357,18 @@ def _colours(
     return colour
 
 
-def _warn_of_few_bits(photo: Photo) -> None:
+def _warn_of_few_bits(path: Path, raster: Raster) -> None:
     """Warn of 16 bits that look like fewer: nothing is rescaled, and nothing would count as saturated."""
-    if photo.bits != 16 or photo.white is None or photo.space.name == "camera":
+    # A colour space that is sure is that of a sensor, whose numbers were scaled to its white level.
+    if raster.bits != 16 or raster.samples.dtype.kind == "f" or isinstance(raster.space, ColourSpace):
         return
-    brightest = int(photo.largest_sample.max())
+    brightest = int(raster.colours.max())
     bits = next((bits for bits in _DEPTHS if brightest < 2**bits), None)
     if bits is None or brightest < 2**8:
         return
     level = 2**bits - 1
     warn(
-        f"{photo.path} has 16 bits, but no number above {brightest}: they look like those of {bits} bits. If so, give "
+        f"{path} has 16 bits, but no number above {brightest}: they look like those of {bits} bits. If so, give "
         f"{keyword('saturation', level)} and {keyword('encoding', 'linear')}, and for a parallel light with a known "
         f"{keyword('white_level')} count in shares of 65535; nothing is rescaled."
     )
