@@ -244,7 +244,7 @@ class Camera:
         Parameters
         ----------
         path : path
-            A PNG, JPEG or TIFF file.
+            An image of any format that `read_photo` reads.
 
         Returns
         -------

@@ -1,15 +1,22 @@
-"""Linear light and what files and screens hold: the curve of sRGB, and whole levels."""
+"""Linear light and what files and screens hold: the curve of sRGB, colour spaces, and whole levels."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array
 
+Three: TypeAlias = tuple[float, float, float]
+
+LUMINANCE: Three = (0.2126, 0.7152, 0.0722)
+"""Shares of linear red, green and blue in the luminance, with the primaries of sRGB (Rec. 709)."""
+_SPACE = slice(16, 20)
+"""Where an ICC profile says what its numbers are."""
 _CELLS = 2**12
 
 
@@ -47,6 +54,99 @@ def encode_srgb(values: ArrayLike) -> Array:
     values = np.asarray(values, dtype=np.float64)
     curve = 1.055 * np.maximum(values, 0.0) ** (1.0 / 2.4) - 0.055
     return np.asarray(np.where(values <= 0.0031308, values * 12.92, curve))
+
+
+@dataclass(frozen=True)
+class ColourSpace:
+    """What numbers of a file mean: the curve to linear light, and the light of the primaries.
+
+    Attributes
+    ----------
+    curve : {"srgb", "linear", "profile"}
+        How numbers become linear light: "profile" by the curves of `profile`.
+    name : str
+        Of the profile or camera that says so; empty where nothing does.
+    luminance, mean : (float, float, float)
+        Shares of linear red, green and blue.
+    gains : (float, float, float)
+        Before the channels are compared, they are multiplied by these.
+    to_srgb : three times (float, float, float), or None
+        Linear sRGB colours by linear red, green and blue; None where these are sRGB's.
+    profile : bytes
+        The ICC profile, where the curve is of one.
+    """
+
+    curve: Literal["srgb", "linear", "profile"]
+    name: str = ""
+    luminance: Three = LUMINANCE
+    mean: Three = (1 / 3, 1 / 3, 1 / 3)
+    gains: Three = (1.0, 1.0, 1.0)
+    to_srgb: tuple[Three, Three, Three] | None = None
+    profile: bytes = b""
+
+    def linear(self, values: ArrayLike, channel: int = 0) -> Array:
+        """Linear light of one channel, whose numbers are from 0 to 1."""
+        values = np.asarray(values, dtype=np.float64)
+        if self.curve == "linear":
+            return values
+        return decode_srgb(values) if self.curve == "srgb" else profile_light(self.profile, values, channel)
+
+
+def three(values: ArrayLike) -> Three:
+    """Three numbers."""
+    first, second, third = np.asarray(values, dtype=np.float64).tolist()
+    return first, second, third
+
+
+def profile_light(profile: bytes, values: ArrayLike, channel: int = 0) -> Array:
+    """Linear light by the curve that an ICC profile has for a channel.
+
+    LittleCMS computes it in floating point: nothing is rounded to levels.
+
+    Parameters
+    ----------
+    profile : bytes
+        Of RGB or grey.
+    values : array_like
+        From 0 to 1.
+    channel : int
+        0 red, 1 green, 2 blue; of a grey profile any.
+
+    Returns
+    -------
+    ndarray of float64
+        1 where the value is 1.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    asked: Array = np.append(values.reshape(-1), 1.0)
+    if profile[_SPACE] == b"RGB ":
+        asked = asked[:, None] * np.eye(3)[channel]
+    light = profile_xyz(profile, asked)[:, 1]
+    return np.asarray(light[:-1] / light[-1]).reshape(values.shape)
+
+
+def profile_xyz(profile: bytes, colours: Array) -> Array:
+    """The colours X, Y and Z, with the white of D50, of n colours (n, 3) or n greys (n) of an ICC profile."""
+    import imagecodecs
+
+    grey = colours.ndim == 1
+    found = imagecodecs.cms_transform(
+        np.ascontiguousarray(colours[None]),
+        profile,
+        _xyz_profile(),
+        colorspace="gray" if grey else "rgb",
+        outcolorspace="xyz",
+        outdtype="float64",
+        intent=1,  # relative colorimetric: white is white
+    )
+    return np.asarray(found[0], dtype=np.float64)
+
+
+@cache
+def _xyz_profile() -> bytes:
+    import imagecodecs
+
+    return bytes(imagecodecs.cms_profile("xyz"))
 
 
 def to_display(light: ArrayLike) -> NDArray[np.uint8]:

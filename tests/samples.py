@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,20 @@ def save(path: Path, samples: Samples) -> Path:
             extrasamples=extra,
         )
     return path
+
+
+def turned_upright(samples: Samples, orientation: int) -> Samples:
+    """Where row 0 and column 0 of the file belong, as the EXIF standard words it."""
+    upright: dict[int, Callable[[Samples], Samples]] = {
+        2: np.fliplr,
+        3: lambda a: np.rot90(a, 2),
+        4: np.flipud,
+        5: lambda a: a.swapaxes(0, 1),
+        6: lambda a: np.rot90(a, -1),
+        7: lambda a: np.rot90(a, 2).swapaxes(0, 1),
+        8: np.rot90,
+    }
+    return upright[orientation](samples) if orientation in upright else samples
 
 
 def light(samples: Samples, bits: int) -> NDArray[np.float64]:

@@ -58,10 +58,30 @@ def chosen_brightness(
     encoding: Annotated[
         Encoding,
         typer.Option(
-            help="What the file's numbers are. auto: integers are sRGB, floats are linear light.",
+            help="What the file's numbers are. auto: as its colour profile says; else integers are sRGB, floats are "
+            "linear light, and camera raw files in any case.",
             rich_help_panel=_PHOTO,
         ),
     ] = "auto",
+    page: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Which page of a TIFF file, or picture of an animation, from 1; needed where there are several.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = None,
+    half_size: Annotated[
+        bool,
+        typer.Option(
+            "--half-size",
+            help="One pixel of each square of four of a camera raw file, without interpolating colours. The camera, "
+            "mask and all that goes with the photo are of half the size then; raw dark frames and flat fields are "
+            "halved with it.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = False,
     ambient: Annotated[
         str,
         typer.Option(
@@ -186,4 +206,6 @@ def chosen_brightness(
         white_percentile,
         white_level,
         tone_exponent,
+        page,
+        half_size,
     )

@@ -158,7 +158,14 @@ def calibrate(
 
 
 def _read(path: Path, truth: Path, brightness: Brightness, camera: CameraChoice) -> tuple[Photo, Array | Points]:
-    photo = read_photo(path, channel=brightness.channel, encoding=brightness.encoding, keep_nan=True)
+    photo = read_photo(
+        path,
+        channel=brightness.channel,
+        encoding=brightness.encoding,
+        keep_nan=True,
+        page=brightness.page,
+        half_size=brightness.half_size,
+    )
     shape = (photo.image.shape[0], photo.image.shape[1])
     if truth.suffix.lower() in _MAPS:
         return photo, read_depth(truth, shape, orientation=photo.orientation)

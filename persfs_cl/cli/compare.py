@@ -59,8 +59,8 @@ def compare(
 ) -> None:
     """Compare two depth maps or two images: mean and root mean square of the differences, and kin.
 
-    Depth maps are .npy or .tiff, NaN where unknown, and compared in their own unit. Images are PNG, JPEG or TIFF,
-    and compared in linear light, in grey levels from 0 to 255 (--encoding linear: as the numbers stand in the file);
+    Depth maps are .npy or .tiff, NaN where unknown, and compared in their own unit. Images of all formats
+    are compared in linear light, in grey levels from 0 to 255 (--encoding linear: as the numbers stand in the file);
     transparent pixels are left out. ME is the paper's mean error, RS its root mean square.
 
     With points, such as triangulation gives, the mean of |z - z'| / z' is printed, and Spearman's rank correlation;

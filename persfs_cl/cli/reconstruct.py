@@ -62,7 +62,9 @@ _REGION = "Region and known values"
     keywords=chosen_keywords,
 )
 def reconstruct(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A PNG, JPEG or TIFF file.")],
+    photo: Annotated[
+        Path, typer.Argument(metavar="PHOTO", help="PNG, JPEG, TIFF, camera raw, WebP, AVIF, HEIC, JPEG 2000 or BMP.")
+    ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results, made if needed.")
     ],

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-import mmap
 import re
 from collections.abc import Mapping
-from typing import Any, BinaryIO
+from typing import Any
 
 from persfs_cl.checks import warn
-from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.decode import exif_number, open_png_or_jpeg
-from persfs_cl.io.files import FilePath, as_path, opened
-from persfs_cl.io.raw import refuse_raw
-from persfs_cl.io.remarks import decoding
-from persfs_cl.io.tiff import BIG_SIGNATURES, IMAGE_LENGTH, IMAGE_WIDTH, SIGNATURES, Directory, read_directories
+from persfs_cl.errors import CameraError
+from persfs_cl.io.decode import asked
+from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.io.raster import exif_number
+from persfs_cl.io.tiff import BIG_SIGNATURES, read_directories
 from persfs_cl.io.video import SUFFIXES as VIDEOS
 from persfs_cl.wording import keyword
 
@@ -37,14 +35,21 @@ _EDITORS = re.compile(
     r"photo gallery|zoner|polarr|vsco|canva|pixlr|adobe|ffmpeg|nikon transfer|capture nx|viewnx|digital photo prof",
     re.IGNORECASE,
 )
+_NAMES = {11: "ProcessingSoftware"}
+"""Of tags that exifread has no name for."""
 _TELL = f"Give {keyword('focal_length')}, in pixels."
 
 
-def exif_focal_length(path: FilePath) -> tuple[float, str]:
+def exif_focal_length(path: FilePath, shape: tuple[int, int] | None = None) -> tuple[float, str]:
     """The focal length that a photo's EXIF data describe, and by which of their tags.
 
-    Parameters, errors, warnings and meaning are those of
-    :meth:`Camera.from_exif <persfs_cl.camera.Camera.from_exif>`.
+    Errors, warnings and meaning are those of :meth:`Camera.from_exif <persfs_cl.camera.Camera.from_exif>`.
+
+    Parameters
+    ----------
+    path : path
+    shape : (int, int), optional
+        (height, width) of the image that was read; by default the file is asked for it.
 
     Returns
     -------
@@ -55,7 +60,7 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
     """
     if as_path(path).suffix.lower() in VIDEOS:
         raise CameraError(f"{path} is a video, which does not tell the focal length. {_TELL}")
-    size, tags = _read_exif(path)
+    size, tags = _read_exif(path, shape)
     taken = _size_when_taken(path, size, tags)
     film, length = _positive(tags, "FocalLengthIn35mmFilm"), _positive(tags, "FocalLength")
     resolution = _positive(tags, "FocalPlaneXResolution")
@@ -113,7 +118,7 @@ def exif_focal_length(path: FilePath) -> tuple[float, str]:
 
 def _size_when_taken(path: FilePath, size: tuple[int, int], tags: Mapping[str, Any]) -> tuple[float, float] | None:
     """The size that the EXIF data give the photo, or None; one of another shape than the file's is refused."""
-    width, height = _positive(tags, "ExifImageWidth"), _positive(tags, "ExifImageHeight")
+    width, height = _positive(tags, "ExifImageWidth"), _positive(tags, "ExifImageLength")
     if not (width and height):
         return None
     # Long and short side, because a photo may have been turned upright since.
@@ -148,58 +153,28 @@ def _editor(tags: Mapping[str, Any]) -> str:
     return ""
 
 
-def _read_exif(path: FilePath) -> tuple[tuple[int, int], Mapping[str, Any]]:
+def _read_exif(path: FilePath, shape: tuple[int, int] | None) -> tuple[tuple[int, int], Mapping[str, Any]]:
     """Size in pixels, one side and the other, and the EXIF tags by name."""
-    from PIL import ExifTags, Image
+    with asked(as_path(path), "cannot be read as a photo") as (form, source):
+        if source.head.startswith(BIG_SIGNATURES):
+            # exifread follows 32-bit offsets only.
+            raise CameraError(f"{path} is a BigTIFF file, whose EXIF data are not read. {_TELL}")
+        size = form.size(source) if shape is None else (shape[1], shape[0])
+        file = form.exif(source)
+        if file is None:
+            return size, {}
+        import exifread
 
-    with opened(path) as file, decoding(path, "cannot be read as a PNG, JPEG or TIFF photo"):
-        if file.read(4) in SIGNATURES:
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                pages = read_directories(path, data)
-                refuse_raw(path, data[:64], pages)
-                big = data[:4] in BIG_SIGNATURES
-            if big:
-                # Pillow reads tags at 32-bit offsets only.
-                raise CameraError(f"{path} is a BigTIFF file, whose EXIF data are not read. {_TELL}")
-            # Read as bare tags: Pillow cannot open TIFF images of floats.
-            exif = Image.Exif()
-            file.seek(0)
-            exif.load_from_fp(file)
-            whole = next((page for page in pages if not page.reduced), Directory({}))
-            size = whole.number(IMAGE_WIDTH), whole.number(IMAGE_LENGTH)
-            if min(size) < 1:
-                raise InputError(f"{path} is broken: it does not say its width and height. Save or copy it again.")
-        else:
-            with open_png_or_jpeg(path, file) as photo:
-                if photo.format == "PNG" and "exif" not in photo.info:
-                    # Pillow would decode the pixels for what may follow them.
-                    photo.info.update(_late_exif(file))
-                exif, size = Image.Image.getexif(photo), photo.size
-                _refuse_loops(path, photo.info.get("exif"))
-        tags = {**exif, **exif.get_ifd(ExifTags.IFD.Exif)}
-    return size, {ExifTags.TAGS.get(tag, str(tag)): value for tag, value in tags.items()}
-
-
-def _late_exif(file: BinaryIO) -> dict[str, bytes]:
-    """The EXIF data of a PNG file, wherever they are, as Pillow has them; the chunks before are passed over."""
-    place = 8
-    while True:
-        file.seek(place)
-        head = file.read(8)
-        if len(head) < 8 or head[4:] == b"IEND":
-            return {}
-        size = int.from_bytes(head[:4], "big")
-        if head[4:] == b"eXIf":
-            return {"exif": b"Exif\0\0" + file.read(size)}
-        place += size + 12
-
-
-def _refuse_loops(path: FilePath, exif: object) -> None:
-    """Refuse EXIF data of a PNG or JPEG file whose directories lead back to themselves."""
-    if isinstance(exif, bytes):
-        inside = exif.removeprefix(b"Exif\0\0")
-        if inside.startswith(SIGNATURES):
-            read_directories(path, inside)
+        # exifread follows what is in them wherever it leads, and makes a number of every value: walked first.
+        read_directories(path, source.data if file is source.stream else file.read())
+        found = exifread.process_file(file, details=False, extract_thumbnail=False)
+        # Those of the photo itself, and then of how it was taken.
+        return size, {
+            _NAMES.get(tag.tag, key.removeprefix(kind)): tag.values
+            for kind in ("Image ", "EXIF ")
+            for key, tag in found.items()
+            if key.startswith(kind)
+        }
 
 
 def _positive(tags: Mapping[str, Any], name: str) -> float | None:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.checks import to_float64, warn
 from persfs_cl.errors import InputError
-from persfs_cl.io.decode import ON_A_SIDE, TURNED, read_header, read_raster, require_brightness, require_type
+from persfs_cl.io.decode import is_of_sensor, read_header, read_raster, require_brightness, require_type
 from persfs_cl.io.exr import read_exr
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.io.npy import read_npy, read_npy_header
-from persfs_cl.io.photos import Channel, Encoding, read_photo
+from persfs_cl.io.photos import Channel, Encoding, read_light_photo
+from persfs_cl.io.raster import ON_A_SIDE, TURNED
 
 MapKind = Literal["depth", "light", "mask"]
 _TIFF_SUFFIXES = (".tif", ".tiff")
@@ -34,19 +35,22 @@ def read_light(
     channel: Channel = "luminance",
     encoding: Encoding = "auto",
     orientation: int = 1,
+    half_size: bool = False,
 ) -> Array:
     """A map of linear light that goes with a photo: ambient light, or the vignetting of the lens.
 
     Parameters
     ----------
     path : path
-        A PNG, JPEG or TIFF image, or a `.npy` file of linear light.
+        An image of any format that `read_photo` reads, or a `.npy` file of linear light.
     shape : (int, int)
         (height, width) that the map must have.
     channel, encoding
         As for `read_photo`, for images.
     orientation : int
         `Photo.orientation` of the photo that it goes with: then files made without turning the photo are told of.
+    half_size : bool
+        Read a camera raw file in half the size, as the photo that it goes with; other files have that size.
 
     Returns
     -------
@@ -83,7 +87,8 @@ def read_light(
         _require_stored("light", path, stored.dtype)
         light = to_float64(stored)
     else:
-        photo = read_photo(path, channel=channel, encoding=encoding, keep_nan=True)
+        halved = half_size and is_of_sensor(path)
+        photo = read_light_photo(path, channel=channel, encoding=encoding, keep_nan=True, half_size=halved)
         light, own = photo.image, photo.orientation
     _require_shape(path, light.shape, shape, orientation, own=own)
     return light
@@ -95,8 +100,8 @@ def read_mask(path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -
     Parameters
     ----------
     path : path
-        A PNG, JPEG or TIFF image: True where a channel is above half of its range and alpha, if there is
-        any, is too. Or a `.npy` file of bool.
+        An image of any format that `read_photo` reads: True where a channel is above half of its range and alpha, if
+        there is any, is too. Or a `.npy` file of bool.
     shape : (int, int)
         (height, width) that the mask must have.
     orientation : int
@@ -249,14 +254,16 @@ def _numbers(path: Path) -> tuple[Array, int]:
     return numbers, own
 
 
-def check_map(kind: MapKind, path: FilePath, shape: tuple[int, int], *, orientation: int = 1) -> None:
+def check_map(
+    kind: MapKind, path: FilePath, shape: tuple[int, int], *, orientation: int = 1, half_size: bool = False
+) -> None:
     """Refuse a map by its header, for what the function that reads it would refuse it so far.
 
     Parameters
     ----------
     kind : {"depth", "light", "mask"}
         Which function that is.
-    path, shape, orientation
+    path, shape, orientation, half_size
         As for that function.
 
     Raises
@@ -276,7 +283,7 @@ def check_map(kind: MapKind, path: FilePath, shape: tuple[int, int], *, orientat
         header = read_npy_header(path)
         _require_stored(kind, path, header.dtype)
     else:
-        header = read_header(path)
+        header = read_header(path, half_size=half_size and kind == "light")
         if kind != "depth":
             require_type(path, header.dtype, header.bits)
     _require_shape(path, header.shape, shape, orientation, own=header.orientation)

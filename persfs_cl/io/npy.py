@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.errors import InputError
-from persfs_cl.io.decode import Header
 from persfs_cl.io.files import opened, read_bytes
 from persfs_cl.io.limits import require_pixels
+from persfs_cl.io.raster import Header
 from persfs_cl.io.remarks import decoding
 
 

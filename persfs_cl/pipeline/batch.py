@@ -333,8 +333,8 @@ def batch(
         resource "device". Then `device` and `max_memory` are for each of them, and an output is needed.
     **keywords
         Those of :func:`reconstruct`, and those by which a photograph becomes an image: ``channel``, ``encoding``,
-        ``ambient``, ``vignetting``, ``tone_exponent``, ``highlights``, ``saturation``, ``clip_highlights``,
-        ``mean_filter``, ``normalise``, ``white_percentile``, ``white_level``.
+        ``page``, ``half_size``, ``ambient``, ``vignetting``, ``tone_exponent``, ``highlights``, ``saturation``,
+        ``clip_highlights``, ``mean_filter``, ``normalise``, ``white_percentile``, ``white_level``.
 
     Yields
     ------

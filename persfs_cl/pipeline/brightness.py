@@ -27,7 +27,7 @@ class Brightness:
 
     Attributes
     ----------
-    channel, encoding
+    channel, encoding, page, half_size
         As for :func:`persfs_cl.io.photos.read_photo`.
     ambient, vignetting, highlights, saturation, clip_highlights, mean_filter, tone_exponent
         As for :class:`persfs_cl.preparation.prepare.Preparation`, with files instead of arrays.
@@ -50,6 +50,8 @@ class Brightness:
     white_percentile: float | None = None
     white_level: float | None = None
     tone_exponent: float = 1.0
+    page: int | None = None
+    half_size: bool = False
 
     def preparation(self, shape: tuple[int, int], *, orientation: int = 1) -> Preparation:
         """The same with arrays of the photo's shape, read from the files; `orientation` is the photo's.
@@ -60,7 +62,14 @@ class Brightness:
             When a file cannot be used, or a number is impossible.
         """
         files = {
-            name: read_light(file, shape, channel=self.channel, encoding=self.encoding, orientation=orientation)
+            name: read_light(
+                file,
+                shape,
+                channel=self.channel,
+                encoding=self.encoding,
+                orientation=orientation,
+                half_size=self.half_size,
+            )
             for name, file in (("ambient", self.ambient), ("vignetting", self.vignetting))
             if isinstance(file, Path)
         }

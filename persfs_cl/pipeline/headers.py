@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.decode import read_header, require_type
+from persfs_cl.io.decode import read_header, require_sensor, require_type
 from persfs_cl.io.maps import MapKind, check_map
+from persfs_cl.io.raster import Header
 from persfs_cl.io.video import read_video_header
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.optics import horizontal_view
@@ -62,8 +63,14 @@ def pixels(job: Job) -> int:
     PersfsError
         When its header cannot be read.
     """
-    shape = read_header(job.path).shape if job.frame is None else read_video_header(job.path).size
+    shape = _header(job).shape if job.frame is None else read_video_header(job.path).size
     return shape[0] * shape[1]
+
+
+def _header(job: Job) -> Header:
+    if job.brightness.half_size:
+        require_sensor(job.path)
+    return read_header(job.path, page=job.brightness.page, half_size=job.brightness.half_size)
 
 
 def look(job: Job) -> Looked:
@@ -85,7 +92,7 @@ def look(job: Job) -> Looked:
     """
     orientation = 1
     if job.frame is None:
-        header = read_header(job.path)
+        header = _header(job)
         require_type(job.path, header.dtype, header.bits)
         size, bits, orientation = (header.shape[0], header.shape[1]), header.bits, header.orientation
     else:
@@ -96,7 +103,7 @@ def look(job: Job) -> Looked:
     maps = [(kind, getattr(job, name)) for name, kind in _MAPS.items()]
     for kind, file in (*maps, ("light", job.brightness.ambient), ("light", job.brightness.vignetting)):
         if file is not None and not isinstance(file, (str, float, int)):
-            check_map(kind, file, size, orientation=orientation)
+            check_map(kind, file, size, orientation=orientation, half_size=job.brightness.half_size)
     if job.guide is not None:
         job.guide.check()
     camera, source = job.camera.of(job.path, size)

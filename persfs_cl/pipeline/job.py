@@ -182,10 +182,20 @@ def read_job(job: Job) -> JobInputs:
     PersfsError
         Naming the file that cannot be used.
     """
-    channel, encoding = job.brightness.channel, job.brightness.encoding
+    channel, encoding, halved = job.brightness.channel, job.brightness.encoding, job.brightness.half_size
     if job.frame is None:
-        photo = read_photo(job.path, channel=channel, encoding=encoding, keep_nan=True)
+        photo = read_photo(
+            job.path,
+            channel=channel,
+            encoding=encoding,
+            keep_nan=True,
+            page=job.brightness.page,
+            half_size=halved,
+        )
     else:
+        for name in ("page", "half_size"):
+            if value := getattr(job.brightness, name):
+                raise InputError.about(name, value, f"is not for a video such as {job.path}: leave it out.")
         photo = read_frame(job.path, job.frame, channel=channel, encoding=encoding)
     shape = (photo.image.shape[0], photo.image.shape[1])
     opaque = np.ones(shape, bool) if photo.mask is None else photo.mask
@@ -197,7 +207,9 @@ def read_job(job: Job) -> JobInputs:
     if job.albedo == "fit":
         shares = "fit"
     elif job.albedo is not None:
-        shares = read_light(job.albedo, shape, channel=photo.channel, encoding=encoding, orientation=turned)
+        shares = read_light(
+            job.albedo, shape, channel=photo.channel, encoding=encoding, orientation=turned, half_size=halved
+        )
     bounds = [
         read_depth(one, shape, orientation=turned) if isinstance(one, Path) else one for one in (job.near, job.far)
     ]
@@ -255,6 +267,9 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             **done,
             "encoding": photo.encoding,
             "bits": photo.bits,
+            **({"profile": photo.profile} if photo.profile else {}),
+            **({"page": job.brightness.page} if job.brightness.page is not None else {}),
+            **({"half_size": True} if job.brightness.half_size else {}),
             **{name: str(file) if isinstance(file, Path) else file for name, file in job.files.items()},
             **({} if job.frame is None else {"frame": job.frame}),
         },

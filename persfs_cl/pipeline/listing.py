@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from persfs_cl.errors import InputError
-from persfs_cl.io import decode, raw, video
+from persfs_cl.io import decode, video
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.pipeline import tree
 from persfs_cl.pipeline.guides import SUFFIXES
@@ -20,7 +20,7 @@ from persfs_cl.pipeline.naming import ancestors, result_names
 
 STANDARD_INPUT = "-"
 _LISTS = frozenset({".txt", ".lst"})
-_IMAGES = decode.SUFFIXES | raw.SUFFIXES
+_IMAGES = decode.SUFFIXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,7 +325,9 @@ class _Lister:
                     self._file(found, shown, suffix)
         if not taken and troubles == len(self.problems):
             where = f"{top} holds" if pattern is None else f"{shown} fits"
-            self._refuse(shown, f"{where} no image by its suffix (PNG, JPEG, TIFF, camera raw): check the path.")
+            self._refuse(
+                shown, f"{where} no image by its suffix (PNG, JPEG, TIFF, camera raw, WebP and others): check the path."
+            )
 
     def _without_masks(self, folder: tree.Folder) -> list[str]:
         if self.masks is None or not folder.place.startswith(os.path.join(self.masks, "")):

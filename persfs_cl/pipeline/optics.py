@@ -81,7 +81,7 @@ class CameraChoice:
             return Camera.from_fov(self.fov, shape, self.principal_point), self._source("fov")
         if self.focal_length is None:
             try:
-                length, tags = exif_focal_length(path)
+                length, tags = exif_focal_length(path, shape)
             except CameraError as error:
                 raise error.adding(f"Or give {keyword('fov')}, the horizontal field of view in degrees.") from error
             return Camera(length, self.principal_point), f"EXIF {tags}"

@@ -25,7 +25,7 @@ def test_broken_photos_are_named_and_all_others_done(tmp_path: Path) -> None:
     broken = {
         "00010.png": "is empty (0 bytes)",
         "00020.png": "is broken or not supported",
-        "00030.png": "is not a PNG, JPEG or TIFF image",
+        "00030.png": "is no image of a format that is read",
         "torn.jpg": "is broken or not supported",
         "00040.png": "the photo is constant",
         "00050.png": "every pixel to solve is black",

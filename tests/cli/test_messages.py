@@ -86,7 +86,7 @@ BAD_PHOTOS: dict[str, tuple[str, Callable[[Path], object], str]] = {
         "constant, 3.5 in linear light at each",
     ),
     "transparent": ("photo.png", transparent, "of 72, 72 are transparent."),
-    "text": ("photo.png", lambda path: path.write_text("no image"), "not a PNG, JPEG or TIFF image"),
+    "text": ("photo.png", lambda path: path.write_text("no image"), "no image of a format that is read"),
     "truncated": ("photo.png", truncated, "broken"),
     "empty": ("photo.png", lambda path: path.touch(), "empty"),
     "missing": ("photo.png", lambda _path: None, "does not exist"),

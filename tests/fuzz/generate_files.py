@@ -10,7 +10,9 @@ from typing import Any
 
 import imagecodecs
 import numpy as np
+import pillow_heif
 import tifffile
+from dng import write_dng
 from numpy.random import Generator
 from numpy.typing import NDArray
 from PIL import Image
@@ -32,7 +34,7 @@ class File:
 
 def image(random: Generator) -> File:
     """A good image of some format."""
-    return (_png, _jpeg, _tiff, _tiff)[random.integers(4)](random)
+    return (_png, _jpeg, _tiff, _tiff, _with_profile, _by_pillow, _deep, _heic, _dng)[random.integers(9)](random)
 
 
 def _shape(random: Generator) -> tuple[int, int]:
@@ -114,6 +116,67 @@ def _tiff(random: Generator) -> File:
         for _ in range(2 if random.uniform() < 0.05 else 1):
             writer.write(samples, **options)
     return File(str(random.choice([".tif", ".tiff"])), written.getvalue(), shape)
+
+
+def _by_pillow(random: Generator) -> File:
+    shape = _shape(random)
+    suffix, form = ((".webp", "WEBP"), (".bmp", "BMP"), (".jp2", "JPEG2000"))[random.integers(3)]
+    mode = ("L", "RGB", "RGBA")[random.integers(3)]
+    picture = Image.fromarray(_samples(random, shape, 3, "uint8")).convert(mode)
+    options: dict[str, Any] = {}
+    if random.uniform() < 0.4 and suffix == ".webp":
+        options["exif"] = exif(random, shape, strange=0.1)
+    if random.uniform() < 0.4 and suffix == ".webp":
+        options["icc_profile"] = _profile(random)
+    if random.uniform() < 0.1 and suffix == ".webp":
+        options |= {"save_all": True, "append_images": [picture.rotate(180)]}
+    written = io.BytesIO()
+    picture.save(written, form, **options)
+    return File(suffix, written.getvalue(), shape)
+
+
+def _deep(random: Generator) -> File:
+    """Of 8 to 16 bits."""
+    shape = _shape(random)
+    bits, channels = int(random.choice([8, 10, 12, 16])), int(random.choice([1, 3]))
+    samples = (_samples(random, shape, channels, "uint16") >> (16 - bits)).astype("uint8" if bits == 8 else "uint16")
+    if bits < 16 and channels == 3 and random.integers(2):
+        return File(".avif", bytes(imagecodecs.avif_encode(samples, level=100, speed=10, bitspersample=bits)), shape)
+    return File(".jp2", bytes(imagecodecs.jpeg2k_encode(samples, level=0, bitspersample=bits)), shape)
+
+
+def _heic(random: Generator) -> File:
+    shape = int(random.integers(16, 33)), int(random.integers(16, 33))
+    picture = pillow_heif.from_pillow(Image.fromarray(_samples(random, shape, 3, "uint8")))
+    written = io.BytesIO()
+    picture.save(written, quality=90, exif=b"Exif\0\0" + exif(random, shape, strange=0.1))
+    return File(".heic", written.getvalue(), shape)
+
+
+def _dng(random: Generator) -> File:
+    shape = int(random.integers(8, 20)) * 2, int(random.integers(8, 20)) * 2
+    colours = (*shape, 3) if random.integers(2) else shape
+    samples = random.integers(0, 2**14, colours).astype(np.uint16)
+    written = io.BytesIO()
+    compression = "jpegxl" if len(colours) == 3 and random.integers(2) else None
+    write_dng(written, samples, orientation=int(random.integers(0, 10)), compression=compression)
+    return File(".dng", written.getvalue(), shape)
+
+
+def _with_profile(random: Generator) -> File:
+    shape = _shape(random)
+    samples = _samples(random, shape, 3, ("uint8", "uint16", "float32")[random.integers(3)])
+    written = io.BytesIO()
+    tifffile.imwrite(written, samples, photometric="rgb", iccprofile=_profile(random))
+    return File(".tif", written.getvalue(), shape)
+
+
+def _profile(random: Generator) -> bytes:
+    made = bytes(imagecodecs.cms_profile("srgb") if random.integers(2) else imagecodecs.cms_profile("gray", gamma=2.2))
+    if random.integers(2):
+        place = int(random.integers(len(made)))
+        made = made[:place] + random.bytes(1) + made[place + 1 :]
+    return made
 
 
 def photo_with_exif(random: Generator) -> File:

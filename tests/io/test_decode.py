@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image
-from samples import SHAPE, Samples, light, random_samples, save
+from samples import SHAPE, Samples, light, random_samples, save, turned_upright
 
 from persfs_cl.camera import Camera
 from persfs_cl.colour import decode_srgb, encode_srgb
@@ -83,17 +83,7 @@ def test_every_orientation_is_turned_upright(tmp_path: Path, kind: str, orientat
         path.write_bytes(png[:33] + stub.getvalue()[start : start + size] + png[33:])
     else:
         Image.fromarray(samples).save(path, exif=exif, quality=100)
-    # Where row 0 and column 0 of the file belong, as the EXIF standard words it.
-    upright: dict[int, Callable[[Samples], Samples]] = {
-        2: np.fliplr,
-        3: lambda a: np.rot90(a, 2),
-        4: np.flipud,
-        5: np.transpose,
-        6: lambda a: np.rot90(a, -1),
-        7: lambda a: np.rot90(a, 2).T,
-        8: np.rot90,
-    }
-    expected = upright[orientation](samples) if orientation in upright else samples
+    expected = turned_upright(samples, orientation)
     photo = read_photo(path)
     np.testing.assert_allclose(photo.colour[..., 0].astype(int), expected, atol=3)
     assert photo.image.flags.c_contiguous
@@ -216,8 +206,8 @@ def test_a_picture_larger_than_the_strip_that_holds_it_is_refused(tmp_path: Path
 
 
 def test_a_compression_that_tells_its_size_to_nobody_is_refused(tmp_path: Path) -> None:
-    tifffile.imwrite(tmp_path / "a.tif", random_samples(3, 8), photometric="rgb", compression="jpegxl")
-    with pytest.raises(InputError, match=r"a\.tif has the compression JPEGXL: save it uncompressed"):
+    tifffile.imwrite(tmp_path / "a.tif", random_samples(3, 8), photometric="rgb", compression="jpegxr")
+    with pytest.raises(InputError, match=r"a\.tif has the compression JPEGXR: save it uncompressed"):
         read_photo(tmp_path / "a.tif")
 
 
@@ -342,7 +332,9 @@ def test_files_that_are_no_image_are_refused_with_their_name_and_a_remedy(
         read(tmp_path)
     with pytest.raises(InputError, match=r"empty\.png is empty"):
         read(tmp_path / "empty.png")
-    with pytest.raises(InputError, match=r"text\.png is not a PNG, JPEG or TIFF image: convert it"):
+    with pytest.raises(
+        InputError, match=r"text\.png is no image of a format that is read \(PNG, .* and BMP\): convert it"
+    ):
         read(tmp_path / "text.png")
     with pytest.raises(InputError, match=r"text\.tif is broken or not supported \(.*save or copy it again"):
         read(tmp_path / "text.tif")
@@ -411,9 +403,13 @@ def test_several_pictures_in_a_file_are_refused(tmp_path: Path, read: Callable[[
     frames = [Image.new("L", (5, 7), value) for value in (10, 250)]
     frames[0].save(tmp_path / "animated.png", save_all=True, append_images=frames[1:])
     tifffile.imwrite(tmp_path / "pages.tif", np.zeros((3, 7, 5), np.uint8), photometric="minisblack")
-    with pytest.raises(InputError, match=r"animated\.png is an animation of 2 pictures: save the one you want"):
+    with pytest.raises(
+        InputError, match=r"animated\.png has 2 pictures, an animation: choose one by page, from 1 to 2, or save"
+    ):
         read(tmp_path / "animated.png")
-    with pytest.raises(InputError, match=r"pages\.tif has 3 pages: save the one you want"):
+    with pytest.raises(
+        InputError, match=r"pages\.tif has 3 pages: choose one by page, from 1 to 3, or save the one you want"
+    ):
         read(tmp_path / "pages.tif")
 
 
@@ -429,7 +425,7 @@ def test_other_colour_models_and_formats_are_refused(tmp_path: Path, read: Calla
         read(tmp_path / "a.tif")
     with pytest.raises(InputError, match=r"raw\.tif has the colour model YCBCR: save it as grey or RGB"):
         read(tmp_path / "raw.tif")
-    with pytest.raises(InputError, match=r"a\.gif is not a PNG, JPEG or TIFF image"):
+    with pytest.raises(InputError, match=r"a\.gif is no image of a format that is read"):
         read(tmp_path / "a.gif")
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import os
+import sys
 import threading
 import warnings
 from typing import NoReturn
@@ -13,7 +15,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl._cl.program import program
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.remarks import decoding
+from persfs_cl.io.remarks import decoding, heard_on_standard_error
 
 
 def test_log_lines_and_warnings_become_one_warning(capfd: pytest.CaptureFixture[str]) -> None:
@@ -89,3 +91,16 @@ def test_whatever_a_decoder_raises_is_an_input_error(error: Exception) -> None:
 def test_errors_on_purpose_pass(error: BaseException) -> None:
     with pytest.raises(type(error)), decoding("a.tif"):
         raise error
+
+
+def test_lines_of_decoders_on_standard_error_are_remarks_and_others_stay(capfd: pytest.CaptureFixture[str]) -> None:
+    def decode() -> None:
+        with decoding("a.dng"), heard_on_standard_error():
+            os.write(2, b"a.dng: data corrupted at 17\nof another thread\n")
+            sys.stderr.write("PNG warning: too long\nof Python\n")
+
+    with pytest.warns(
+        UserWarning, match=r"a\.dng was read, but is damaged or odd \(PNG warning: too long, and 1 more\)"
+    ):
+        decode()
+    assert capfd.readouterr() == ("", "of Python\nof another thread\n")

@@ -144,7 +144,7 @@ def test_what_cannot_be_used_is_told_by_name_and_the_rest_goes_on(here: Path) ->
     assert [entry.name for entry in listing.inputs] == ["good.png"]
     expected = [
         ("gone.png", "gone.png does not exist: check the spelling"),
-        ("empty", "empty holds no image by its suffix (PNG, JPEG, TIFF, camera raw)"),
+        ("empty", "empty holds no image by its suffix (PNG, JPEG, TIFF, camera raw, WebP and others)"),
         ("no/*.png", "no/*.png fits no image"),
         ("gone/*.png", "gone/*.png fits nothing: gone is no folder"),
         ("list.txt", "list.txt is empty (0 bytes)"),

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath
 from persfs_cl.io.tiff import DNG_VERSION, MAKE, PHOTOMETRIC, SUB_IFDS, Directory
-from persfs_cl.wording import keyword
 
 SUFFIXES = frozenset(
     {
@@ -39,7 +36,8 @@ SUFFIXES = frozenset(
 )
 """Of camera raw files, in small letters."""
 
-_COLOUR_FILTER_ARRAY, _LINEAR_RAW = 32803, 34892
+SENSORS = (32803, 34892)
+"""Colour models of what a sensor measured: a colour filter array, and three colours a pixel."""
 # What stands at which byte.
 _MAGIC: tuple[tuple[int, bytes, str], ...] = (
     (8, b"CR\x02", "Canon CR2"),
@@ -70,32 +68,16 @@ _MAKERS = {
 }
 
 
-def refuse_raw(path: FilePath, data: bytes, pages: Sequence[Directory] = ()) -> None:
-    """Refuse a camera raw file: its only picture that could be read is a preview.
+def raw_kind(data: bytes, pages: Sequence[Directory]) -> str | None:
+    """Which kind of camera raw file it is; None where it is none.
 
     Parameters
     ----------
-    path : path
-        Named in the error.
     data : bytes
         The first 64, or more.
     pages : sequence of Directory
         Of a TIFF file.
-
-    Raises
-    ------
-    InputError
-        Naming the kind of raw file, and what to make of it.
     """
-    kind = _kind(data, pages)
-    if kind:
-        raise InputError(
-            f"{path} is a camera raw file ({kind}), which is not read. Develop it in a raw developer, linearly and "
-            f"without a tone curve, to a 16-bit TIFF file, and give that with {keyword('encoding', 'linear')}."
-        )
-
-
-def _kind(data: bytes, pages: Sequence[Directory]) -> str | None:
     for start, magic, kind in _MAGIC:
         if data.startswith(magic, start):
             return kind
@@ -105,7 +87,7 @@ def _kind(data: bytes, pages: Sequence[Directory]) -> str | None:
     if any(DNG_VERSION in directory.tags for directory in directories):
         return "Adobe DNG"
     first = pages[0]
-    sensor = any(directory.number(PHOTOMETRIC) in (_COLOUR_FILTER_ARRAY, _LINEAR_RAW) for directory in directories)
+    sensor = any(directory.number(PHOTOMETRIC) in SENSORS for directory in directories)
     maker = first.text(MAKE)
     # Some makers' sensor images have numbers for a colour model that are nobody else's.
     preview = bool(maker) and first.reduced and SUB_IFDS in first.tags
