@@ -19,7 +19,8 @@ from persfs_cl.solver.problem import Problem
 from persfs_cl.wording import keyword
 
 _NOISES, _SHARE = 3.0, 0.02
-"""Of the guide, and of the depth, from which a common offset says that light and guide contradict each other."""
+"""Scatters of guide less surface, and share of the depth, from which a common offset says that light and guide
+contradict each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def mean_focal_length(camera: Camera) -> float:
 
 
 def _warn_of_contradiction(fitted: Fitted, light: Light) -> None:
-    if abs(fitted.disagreement) > max(_NOISES * fitted.noise, _SHARE):
+    if abs(fitted.disagreement) > max(_NOISES * fitted.scatter, _SHARE):
         warn(
             f"{keyword('guide')} has most depths {math.exp(fitted.disagreement):.3g} times as large as "
             f"{keyword('light', light)} gives them, and is believed. If it is of another scale, give "

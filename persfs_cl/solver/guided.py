@@ -18,6 +18,7 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.smoothing import Smoother
 from persfs_cl.arrays import Array, Mask
+from persfs_cl.guide.few import kriged
 from persfs_cl.guide.fit import Fitted, GuideFit
 from persfs_cl.guide.guide import Guide
 from persfs_cl.guide.smoothing import edge_weights
@@ -36,12 +37,6 @@ _MANY = 25
 """Cells. Fewer tell nothing of what lies between them."""
 _SPACING = 12.0
 """Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
-_MANY = 25
-"""Cells. Fewer tell nothing of what lies between them."""
-_SPACING = 12.0
-"""Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
-_CONTRADICTION = 3.0, 0.02
-"""Noises, and share of the depth, from which a common offset says that light and guide contradict each other."""
 
 
 def solve_guided(
@@ -154,15 +149,18 @@ class _Guided:
         known = ~np.isnan(residuals)
         self.used, self.tolerance = int(np.count_nonzero(known)), self.fitted.tolerance(number)
         start, distance = cells.nearest(residuals)
-        if cells.count < _MANY:
-            start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
-        votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
-        smooth = self.smoother.smoothed(
-            start,
-            cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
-            np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
-            self.fitted.noise,
-        )
+        if self.fitted.few:
+            smooth = kriged(residuals, cells, self.fitted.noise)
+        else:
+            if cells.count < _MANY:
+                start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
+            votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
+            smooth = self.smoother.smoothed(
+                start,
+                cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
+                np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
+                self.fitted.noise,
+            )
         self.middle = self.log_depth + smooth
         # What no cell reaches is left to the photograph.
         self.middle[distance > cells.reach] = np.nan
