@@ -50,6 +50,8 @@ _LOOKED_INTO = (6, 7, 33003, 33004, 33005, 33007, 34712, 34892, 34933, 50001)
 # What each EXIF orientation but 1, upright, has done to the photo.
 ON_A_SIDE = (5, 6, 7, 8)
 """EXIF orientations that exchange height and width."""
+_ROWS_BACKWARDS, _COLUMNS_BACKWARDS = (3, 4, 7, 8), (2, 3, 6, 7)
+"""After that."""
 TURNED = {2: "mirrored", 3: "turned by 180°", 4: "flipped", 5: "transposed", 6: "turned", 7: "transposed", 8: "turned"}
 
 
@@ -140,7 +142,7 @@ def read_raster(path: Path) -> Raster:
             samples = samples[..., None]
         if samples.ndim != 3 or samples.size == 0 or samples.shape[2] > 4:
             raise InputError(f"{path} holds an array of shape {samples.shape}: save one grey or RGB image.")
-        return Raster(_upright(samples, orientation), bits, orientation)
+        return Raster(upright(samples, orientation), bits, orientation)
 
 
 def open_png_or_jpeg(path: FilePath, file: BinaryIO) -> PIL.Image.Image:
@@ -386,12 +388,28 @@ def _orientation(value: object) -> int:
     return int(number) if number in TURNED else 1
 
 
-def _upright(samples: NDArray[Any], orientation: int) -> NDArray[Any]:
+def upright(samples: NDArray[Any], orientation: int) -> NDArray[Any]:
     """Undo EXIF's orientation: 1 is upright, 3 upside down, 6 and 8 on a side, the others mirrored."""
     if orientation in ON_A_SIDE:
         samples = samples.swapaxes(0, 1)
-    if orientation in (3, 4, 7, 8):
+    if orientation in _ROWS_BACKWARDS:
         samples = samples[::-1]
-    if orientation in (2, 3, 6, 7):
+    if orientation in _COLUMNS_BACKWARDS:
         samples = samples[:, ::-1]
     return np.ascontiguousarray(samples)
+
+
+def upright_places(places: Array, size: tuple[int, int], orientation: int) -> Array:
+    """Where points of a photo of some height and width lie once :func:`upright` has turned it.
+
+    Columns and rows, shape (points, 2), are counted from the outer edges of the first pixel.
+    """
+    columns, rows = places.T
+    height, width = size
+    if orientation in ON_A_SIDE:
+        columns, rows, height, width = rows, columns, width, height
+    if orientation in _ROWS_BACKWARDS:
+        rows = height - rows
+    if orientation in _COLUMNS_BACKWARDS:
+        columns = width - columns
+    return np.stack([columns, rows], axis=1)

@@ -31,7 +31,8 @@ class GuideFile:
     ----------
     path : Path
         A map: `.npy`, `.tiff`, `.png`, `.exr`. Points: `.csv` or `.json` of column, row and depth, `.ply` in the
-        camera's axes, or COLMAP's `points3D.txt` with `images.txt` beside it.
+        camera's axes, or COLMAP's `points3D.txt` with `images.txt`, and `cameras.txt` if there is
+        one, beside it.
     unit : float
         What its numbers are multiplied by: 0.001 for millimetres where depths are in metres.
 
@@ -51,7 +52,10 @@ class GuideFile:
     @property
     def beside(self) -> tuple[Path, ...]:
         """Other files that it is read with."""
-        return (self.path.with_name("images.txt"),) if self.path.suffix.lower() == ".txt" else ()
+        if self.path.suffix.lower() != ".txt":
+            return ()
+        cameras = self.path.with_name("cameras.txt")
+        return (self.path.with_name("images.txt"), *((cameras,) if cameras.exists() else ()))
 
     def check(self) -> None:
         """Refuse a file that is missing, empty, or no guide by its name.
@@ -70,8 +74,8 @@ class GuideFile:
             with opened(file):
                 pass
 
-    def read(self, photo: Path, camera: Camera, shape: tuple[int, int]) -> Array | Points:
-        """What it says of a photo.
+    def read(self, photo: Path, camera: Camera, shape: tuple[int, int], *, orientation: int = 1) -> Array | Points:
+        """What it says of a photo, of some height and width and EXIF orientation.
 
         Raises
         ------
@@ -81,11 +85,11 @@ class GuideFile:
         self.check()
         suffix = self.path.suffix.lower()
         if suffix in _MAPS:
-            return self.unit * read_numbers(self.path)
+            return self.unit * read_numbers(self.path, shape, orientation=orientation)
         if suffix == ".ply":
             seen = _projected(self.path, read_cloud(self.path), camera, shape)
         elif suffix == ".txt":
-            seen = read_colmap_points(self.path, photo)
+            seen = read_colmap_points(self.path, photo, shape, orientation=orientation)
         else:
             seen = read_points(self.path)
         return Points(seen[:, 0], seen[:, 1], self.unit * seen[:, 2])
