@@ -107,7 +107,10 @@ def reconstruct(
     relief can be turned, with preview.jpg, photo.jpg and relief.js.
     """
     saving = chosen_saving(save, mesh_faces)
-    require_fitting(keywords, light, reflectance, brightness, guided=guide is not None)
+    paint = chosen_albedo(albedo)
+    require_fitting(
+        keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guide is not None
+    )
     nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,
@@ -116,7 +119,7 @@ def reconstruct(
         mask=mask,
         walls=walls,
         known_depth=known_depth,
-        albedo=chosen_albedo(albedo),
+        albedo=paint,
         near=nearest,
         far=farthest,
         guide=chosen_guide(guide, guide_unit),

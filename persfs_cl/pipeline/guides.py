@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from persfs_cl.io.colmap import read_colmap_points
 from persfs_cl.io.files import opened
 from persfs_cl.io.maps import read_numbers
 from persfs_cl.io.points import read_points
+from persfs_cl.solver.given import require_albedo_to_fit
+from persfs_cl.solver.options import Options, require_guide
+from persfs_cl.solver.schemes import SCHEMES
+from persfs_cl.wording import keyword
 
 _MAPS = (".npy", ".tiff", ".tif", ".exr", ".png")
 SUFFIXES = (*_MAPS, ".csv", ".json", ".ply", ".txt")
@@ -93,6 +98,32 @@ class GuideFile:
         else:
             seen = read_points(self.path)
         return Points(seen[:, 0], seen[:, 1], self.unit * seen[:, 2])
+
+
+def require_guided(
+    options: Options, albedo: Path | Literal["fit"] | None, guide_unit: float, *, guided: bool
+) -> None:
+    """Refuse what is said of a guide, or wants one, where there is none, before any file is read.
+
+    Parameters
+    ----------
+    options : Options
+        Complete, see :func:`persfs_cl.solver.options.complete`.
+    albedo : Path, "fit" or None
+    guide_unit : float
+    guided : bool
+        Whether there is a guide.
+
+    Raises
+    ------
+    InputError
+        Naming the keyword.
+    """
+    require_guide(options, guided=guided)
+    if not guided and guide_unit != 1.0:
+        raise InputError.about("guide_unit", guide_unit, f"is without {keyword('guide')}: give one, or leave it out.")
+    if albedo == "fit":
+        require_albedo_to_fit("fit", SCHEMES[options["scheme"]], guided=guided)
 
 
 def _projected(path: Path, points: Array, camera: Camera, shape: tuple[int, int]) -> Array:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +12,14 @@ import numpy as np
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.checks import warn
+from persfs_cl.errors import InputError
 from persfs_cl.guide.fit import Fitted
 from persfs_cl.guide.guide import Guide
 from persfs_cl.shading.model import Light
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
+from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 
 _NOISES, _SHARE = 3.0, 0.02
@@ -77,6 +81,17 @@ class Agreed:
         problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)
         log_depth = np.where(problem.domain.known, log_depth, log_depth + fitted.farther)
         return cls(problem, fitted, float(getattr(light, unknown)), log_depth)
+
+
+@contextmanager
+def about(number: int) -> Iterator[None]:
+    """A block whose warnings and errors are about one image of several."""
+    with concerning(number):
+        try:
+            yield
+        except InputError as error:
+            error.place = number
+            raise
 
 
 def mean_focal_length(camera: Camera) -> float:

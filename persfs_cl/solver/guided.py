@@ -22,14 +22,13 @@ from persfs_cl.guide.few import kriged
 from persfs_cl.guide.fit import Fitted, GuideFit
 from persfs_cl.guide.guide import Guide
 from persfs_cl.guide.smoothing import edge_weights
-from persfs_cl.solver.agreed import Agreed
+from persfs_cl.solver.agreed import Agreed, about
 from persfs_cl.solver.attempt import Attempt, swept
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.solution import Status
-from persfs_cl.told import concerning
 
 _SMOOTHNESS = 6.0
 """Weight of the total variation of the residual, over the pixels from cell to cell."""
@@ -73,7 +72,7 @@ def solve_guided(
         if attempt.problem.guide is not None and attempt.status is not Status.STOPPED:
             began = time.perf_counter()
             found[place] = attempt.with_surface()
-            with concerning(numbers[place]):
+            with about(numbers[place]):
                 states[place] = _Guided.of(device, found[place], attempt.problem.guide, options)
             found[place] = replace(found[place], seconds=attempt.seconds + time.perf_counter() - began)
     # All are under one light.
@@ -88,15 +87,13 @@ def solve_guided(
         problems = [state.bounded(number) for state in states.values()]
         share = (time.perf_counter() - began) / len(states)
         if watch:
-            watch.before = max(len(found[place].run.changes[0]) for place in states)
+            watch.go_on()
         again = swept(device, problems, options, watch, [numbers[place] for place in states])
         for place, latest in zip(list(states), map(Attempt.with_surface, again), strict=True):
             ended = replace(latest.after(found[place]), guide=states[place].fit_to(latest))
             found[place] = replace(ended, seconds=ended.seconds + share)
             if latest.status is Status.STOPPED:
                 del states[place]
-    if watch:
-        watch.before = 0
     return found
 
 
