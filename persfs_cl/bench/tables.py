@@ -340,7 +340,10 @@ def _guided_lights(records: Records) -> str:
 
 
 def _endoscopy(records: Records) -> str:
-    rows = [(record.workload, _value(record, two_digits), "" if record.median is None else record.detail) for record in records]
+    rows = [
+        (record.workload, _value(record, two_digits), "" if record.median is None else record.detail)
+        for record in records
+    ]
     return markdown_table(("what", f"mean error, {ERROR_UNIT}", "over"), rows, words=1, remarks=True)
 
 

@@ -132,7 +132,9 @@ class Search:
             begin = {one.name: float(number) for one, number in zip(parameters, fitted.numbers, strict=True)}
             parameters = [parameters[place] for place in kept]
         nothing = np.zeros(self.photographs.size)
-        return Found([], Fitted(np.empty(0), nothing, np.zeros((nothing.size, 0)), nothing, 1.0, converged=True), [], reasons)
+        return Found(
+            [], Fitted(np.empty(0), nothing, np.zeros((nothing.size, 0)), nothing, 1.0, converged=True), [], reasons
+        )
 
     def without(self, found: Found, left_out: Mask) -> Assumed:
         """What is found without a part of the data.

@@ -202,7 +202,9 @@ class Fitted:
         """A guide in the unit of depth, where there is no surface yet."""
         noise = noise_of(guide.cells.values, guide.cells) if tolerance is None else tolerance
         step = guide.cells.spacing / focal_length
-        return cls(guide.cells, 0.0, 0.0, noise, noise, 0.0, drifts=False, factor=1.0, offset=0.0, step=step, held=False)
+        return cls(
+            guide.cells, 0.0, 0.0, noise, noise, 0.0, drifts=False, factor=1.0, offset=0.0, step=step, held=False
+        )
 
     @property
     def count(self) -> int:

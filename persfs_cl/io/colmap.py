@@ -196,7 +196,7 @@ def _on_photo(places: Array, size: tuple[int, int], path: Path, shape: tuple[int
             f"{path} has images of {size[1]} x {size[0]} pixels, and the photo has {shape[1]} x {shape[0]}: give the "
             "one that COLMAP saw, uncropped; it may be resized."
         )
-    return places * scale
+    return np.asarray(places * scale)
 
 
 def _image_of(path: Path, photo: Path) -> _Image:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath, opened, read_bytes
 from persfs_cl.io.limits import require_pixels

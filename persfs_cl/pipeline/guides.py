@@ -100,9 +100,7 @@ class GuideFile:
         return Points(seen[:, 0], seen[:, 1], self.unit * seen[:, 2])
 
 
-def require_guided(
-    options: Options, albedo: Path | Literal["fit"] | None, guide_unit: float, *, guided: bool
-) -> None:
+def require_guided(options: Options, albedo: Path | Literal["fit"] | None, guide_unit: float, *, guided: bool) -> None:
     """Refuse what is said of a guide, or wants one, where there is none, before any file is read.
 
     Parameters

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import run
 from PIL import Image
 
 import persfs_cl as ps
-from command import run
 from persfs_cl.bench.endoscopy import ALONE, CONSTANT, FADING, FRAME, GUIDED, MASK, POINTS, endoscopy
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
@@ -82,7 +82,7 @@ def test_a_folder_of_another_form_is_named(
 
 def test_files_that_are_missing_are_named(device: ps.Device, tmp_path: Path) -> None:
     plan = Plan(device, endoscopy=tmp_path)
-    with pytest.raises(ps.InputError, match="points.json"):
+    with pytest.raises(ps.InputError, match=r"points\.json"):
         measured(plan)
     (tmp_path / POINTS).write_text("[]")
     with pytest.raises(ps.InputError, match='has no "camera"'):

@@ -15,7 +15,7 @@ WANTED = np.ones(SHAPE, bool)
 
 def points(count: int, values: float | np.ndarray = 0.0) -> Cells:
     random = np.random.default_rng(3)
-    rows, columns = (random.permutation(size)[:count] for size in SHAPE)
+    rows, columns = (random.permutation(size)[:count].astype(np.float64) for size in SHAPE)
     return Cells.of_points(columns, rows, np.broadcast_to(values, count).astype(np.float64), WANTED)
 
 

@@ -189,9 +189,7 @@ def test_colmap_has_seen_the_photo_in_another_size_and_lying(tmp_path: Path, ori
     size = SIDES.get(orientation, SHAPE)
     (tmp_path / "cameras.txt").write_text(f"1 SIMPLE_RADIAL {3 * size[1]} {3 * size[0]} 210 60 90 0.1\n")
     *lines, _ = images.read_text().splitlines()
-    places = [
-        (column, row) if orientation == 1 else in_file(column, row, orientation) for column, row in PLACES[:, :2]
-    ]
+    places = [(column, row) if orientation == 1 else in_file(column, row, orientation) for column, row in PLACES[:, :2]]
     seen = [f"{3.0 * (column + 0.5)} {3.0 * (row + 0.5)} {number}" for number, (column, row) in enumerate(places, 7)]
     images.write_text("\n".join([*lines, " ".join(seen)]) + "\n")
     guide = GuideFile(tmp_path / "points3D.txt")
