@@ -84,7 +84,11 @@ class ArgumentError(PersfsError):
     value : object
         What was given for it. Pickled, it becomes its `repr`, but for a word, a number, or a few of them: an array may
         be larger than what is left of the memory, and an object may not come back.
+    place : int or None
+        Which image of several it is about, where that was found while they were solved together.
     """
+
+    place: int | None = None
 
     def __init__(self, message: object = "", *rest: object, argument: str | None = None, value: object = None) -> None:
         super().__init__(message, *rest)

@@ -23,6 +23,7 @@ from persfs_cl.bench.calibration import calibration
 from persfs_cl.bench.calls import calls, small_image
 from persfs_cl.bench.convergence import convergence
 from persfs_cl.bench.distance import distance
+from persfs_cl.bench.endoscopy import endoscopy
 from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
 from persfs_cl.bench.guided import guided
@@ -214,6 +215,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "lamp": lamp,
     "calibration": calibration,
     "guided": guided,
+    "endoscopy": endoscopy,
     "weno": weno,
     "terrain": terrain,
     "priors": priors,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.orderings import ORDERINGS
@@ -43,6 +44,8 @@ class Plan:
         Likewise: heights of a band, and how many groups run side by side; None = what suits image and device.
     tasks : int
         Photographs of the experiment on handing them out.
+    endoscopy : Path or None
+        Folder of the endoscope's frame, which comes with no package.
     """
 
     device: Device
@@ -59,6 +62,7 @@ class Plan:
     band_rows: tuple[int, ...] | None = None
     work_groups: tuple[int, ...] | None = None
     tasks: int = 100_000
+    endoscopy: Path | None = None
 
     def edges(self, usual: tuple[int, ...] = STANDARD_SIZES) -> tuple[int, ...]:
         """The sizes asked for, or else the usual ones."""

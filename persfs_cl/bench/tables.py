@@ -13,6 +13,7 @@ from persfs_cl.bench.alternatives import WENO
 from persfs_cl.bench.calibration import QUANTITIES
 from persfs_cl.bench.calls import FAST_MARCHING, SPEED
 from persfs_cl.bench.convergence import ELAPSED
+from persfs_cl.bench.endoscopy import ERROR_UNIT
 from persfs_cl.bench.flash import PIXELS, PIXELS_UNIT
 from persfs_cl.bench.masked import BOX, CASES, FRAME, RATIO
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT
@@ -338,6 +339,14 @@ def _guided_lights(records: Records) -> str:
     return _a_column_each("scene: light", told, own)
 
 
+def _endoscopy(records: Records) -> str:
+    rows = [
+        (record.workload, _value(record, two_digits), "" if record.median is None else record.detail)
+        for record in records
+    ]
+    return markdown_table(("what", f"mean error, {ERROR_UNIT}", "over"), rows, words=1, remarks=True)
+
+
 def _weno(records: Records) -> str:
     rows: dict[tuple[str, str], list[str]] = {}
     for record in records:
@@ -429,6 +438,7 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "calibration": ("calibration", _calibration),
     "guided": ("guided", _guided),
     "guided-lights": ("guided", _guided_lights),
+    "endoscopy": ("endoscopy", _endoscopy),
     "weno": ("weno", _weno),
     "terrain": ("terrain", _terrain),
     "priors": ("priors", _priors),

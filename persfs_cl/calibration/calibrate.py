@@ -18,7 +18,7 @@ from persfs_cl.calibration.result import Calibration
 from persfs_cl.calibration.search import Progress, Search
 from persfs_cl.calibration.validation import validated
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_number, check_choice, unlike
+from persfs_cl.checks import as_number, check_choice, unlike, warn
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.guide.guide import Points
 from persfs_cl.io.photos import Photo
@@ -97,6 +97,11 @@ def calibrate(
     CameraError
         When a camera does not fit its photo.
 
+    Warns
+    -----
+    UserWarning
+        When the fit does not settle.
+
     Notes
     -----
     The fit is by least squares of relative errors, with Tukey's weights, so that outliers do not count. Photographs are
@@ -157,6 +162,11 @@ def calibrate(
         start,
     )
     found = search.found(callback)
+    if not found.fitted.converged:
+        warn(
+            "The calibration did not settle: its numbers still changed when the fit ended. Do not rely on them. Seek "
+            f"less by {keyword('fit')}, begin nearer by {keyword('light')}, or give more depths."
+        )
     best = search.assumed(found.parameters, found.fitted.numbers)
     before, after, parts = validated(search, found, chosen)
     vignetting = preparation.vignetting if best.vignetting == power else f"cos{best.vignetting:.6f}"
@@ -174,6 +184,7 @@ def calibrate(
         before,
         after,
         parts,
+        found.fitted.converged,
     )
 
 

@@ -58,7 +58,7 @@ class Evidence(ABC):
     @property
     def clusters(self) -> Indices:
         """Which residuals err alike: those of one block of a dense truth. Points err each by itself."""
-        if self.pair.dense is None:
+        if not self.pair.of_map:
             return np.arange(len(self.places))
         columns, rows = (
             np.minimum(_BLOCKS - 1, self.places[:, axis] * _BLOCKS // size).astype(np.int64)
@@ -68,7 +68,7 @@ class Evidence(ABC):
 
     def folds(self, count: int) -> Indices:
         """Which fold each residual is in: blocks of a dense truth go together, and points at random, always alike."""
-        if self.pair.dense is None:
+        if not self.pair.of_map:
             return np.random.default_rng(0).permutation(len(self.places)) % count
         block = self.clusters
         return (block % _BLOCKS + 2 * (block // _BLOCKS)) % count

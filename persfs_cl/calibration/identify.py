@@ -67,10 +67,22 @@ class Precision:
         )
 
 
-def told(parameters: Sequence[Parameter], fitted: Fitted, clusters: Indices) -> tuple[list[int], Array, dict[str, str]]:
+def told(
+    parameters: Sequence[Parameter], fitted: Fitted, clusters: Indices, *, by_surface: bool = False
+) -> tuple[list[int], Array, dict[str, str]]:
     """Which numbers the data tell, their standard errors, and of the others why not.
 
     One is left out after the other, the last first: without it those before it may well be told.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+    fitted : Fitted
+    clusters : ndarray of int, shape (n,)
+        Which residuals err alike.
+    by_surface : bool
+        Whether all residuals are of a surface that was reconstructed. What it errs by itself, on a grid, is no noise:
+        it goes into numbers that nearly do the same, however small their standard errors are.
     """
     spread = np.array([one.spread for one in parameters])
     accuracy = np.array([one.accuracy for one in parameters])
@@ -83,7 +95,7 @@ def told(parameters: Sequence[Parameter], fitted: Fitted, clusters: Indices) -> 
             one, error = parameters[used[place]], float(precision.errors[place])
             partner = _partner(precision, place)
             tied = precision.inflation[place] > _CONFOUNDED and partner is not None
-            if tied and partner is not None and (unsure[place] or unsure[partner]):
+            if tied and partner is not None and (by_surface or unsure[place] or unsure[partner]):
                 other = parameters[used[partner]]
                 reasons[one.name] = (
                     f"{one.said} and {other.said} cannot be told apart: the photographs are nearly the same when both "

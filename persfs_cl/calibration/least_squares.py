@@ -42,6 +42,8 @@ class Fitted:
         Of each residual, less the smaller its group's scale is; 0 where there is none, or where it is an outlier.
     response : float
         By how much of a change of all residuals their weighted sum changes: less than 1, since weights change too.
+    converged : bool
+        Whether the numbers had settled when the steps came to an end.
     """
 
     numbers: Array
@@ -49,6 +51,7 @@ class Fitted:
     jacobian: Array
     weights: Array
     response: float
+    converged: bool
 
     @property
     def information(self) -> Array:
@@ -102,7 +105,7 @@ def fit(
     )
     prior = _PRIOR / spread**2
     numbers, damping = np.clip(begin, least, most), _LEAST_DAMPING
-    found, tukey = residuals(numbers), False
+    found, tukey, converged = residuals(numbers), False, False
     for count in range(1, _MOST_STEPS + 1):
         if callback is not None:
             callback(count, float(np.nanmedian(np.abs(found))))
@@ -125,11 +128,12 @@ def fit(
             moved = np.zeros_like(step)
         if moved.max(initial=0.0) <= (_SETTLED if tukey else _NEAR) or (not tukey and count >= _MOST_STEPS // 2):
             if tukey:
+                converged = True
                 break
             tukey, damping = True, _LEAST_DAMPING
     scale = _scales(found, groups)
     weights = _weights(found, scale, True)
-    return Fitted(numbers, found, slopes, weights, _response(found, scale))
+    return Fitted(numbers, found, slopes, weights, _response(found, scale), converged)
 
 
 def _differences(residuals: Callable[[Array], Array], numbers: Array, found: Array, step: Array, most: Array) -> Array:

@@ -50,6 +50,8 @@ class Pair:
         Depth, NaN where unknown; None where single points are known, of whose slopes nothing is.
     points : ndarray of float64, shape (n, 3)
         Column and row in the reduced image, and depth, of what is known.
+    of_map : bool
+        Whether the points are pixels of a dense map, of which neighbours err alike.
     """
 
     photo: Photo
@@ -58,6 +60,7 @@ class Pair:
     mask: Mask
     dense: Array | None
     points: Array
+    of_map: bool = False
     _prepared: dict[float, tuple[Array, Mask]] = field(default_factory=dict)
 
     @property
@@ -122,7 +125,7 @@ def pair_of(
             argument="mask",
         )
     pair = Pair(photo, camera, preparation, inside, None, np.empty((0, 3)))
-    pair.dense, pair.points = _truth(truth, pair, normals)
+    pair.dense, pair.points, pair.of_map = _truth(truth, pair, normals)
     if not len(pair.points):
         raise InputError(
             f"{keyword('truth')} has no known depth at any pixel that {keyword('mask')} leaves: give points on the "
@@ -187,8 +190,8 @@ def _as_photo(given: Any) -> Photo:
     return Photo(image, colour, None, Path("photo"), 64, "linear", "luminance", image, image, None)
 
 
-def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Array]:
-    """The dense map, if it is one, and all points, both of the reduced image."""
+def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Array, bool]:
+    """The dense map, if its slopes count, and all points, both of the reduced image; and whether these are dense."""
     shape = pair.mask.shape
     if isinstance(given, Points):
         given = np.stack([given.columns, given.rows, given.depths], axis=1)
@@ -218,10 +221,10 @@ def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Arra
     there[there] = pair.mask[tuple(nearest[there].T)]
     factor = pair.factor
     points = np.stack([(columns + 0.5) / factor - 0.5, (rows + 0.5) / factor - 0.5, depths], axis=1)
-    return None, points[there]
+    return None, points[there], False
 
 
-def _from_map(depth: Array, pair: Pair, normals: Normals) -> tuple[Array | None, Array]:
+def _from_map(depth: Array, pair: Pair, normals: Normals) -> tuple[Array | None, Array, bool]:
     known = pair.mask & np.isfinite(depth)
     share = inner(known).sum() / max(1, known.sum())
     if normals == "truth" and share < _DENSE:
@@ -235,8 +238,8 @@ def _from_map(depth: Array, pair: Pair, normals: Normals) -> tuple[Array | None,
     if share < _DENSE:
         rows, columns = np.nonzero(known)
         places = [(columns + 0.5) / factor - 0.5, (rows + 0.5) / factor - 0.5]
-        return None, np.stack([*places, depth[known]], axis=1)
+        return None, np.stack([*places, depth[known]], axis=1), False
     log_depth = reduced(np.where(known, np.log(np.where(known, depth, 1.0)), np.nan), factor, whole=True)
     rows, columns = np.nonzero(np.isfinite(log_depth))
     points = np.stack([columns, rows, np.exp(log_depth[rows, columns])], axis=1)
-    return (None if normals == "solution" else np.exp(log_depth)), points
+    return (None if normals == "solution" else np.exp(log_depth)), points, True

@@ -58,6 +58,8 @@ class Calibration:
         explained by values that were fitted to the others.
     validation : str
         Which parts: "3 photographs" or "5 folds".
+    converged : bool
+        Whether the numbers had settled when the fit ended. Else do not rely on them.
 
     Examples
     --------
@@ -83,9 +85,11 @@ class Calibration:
     before: CalibrationErrors
     after: CalibrationErrors
     validation: str
+    converged: bool = True
 
     def __repr__(self) -> str:
         said = [f"{name}={value:.4g}±{self.uncertainties[name]:.1g}" for name, value in self.values.items()]
+        said += [] if self.converged else ["not converged"]
         said += [f"not told: {', '.join(self.reasons)}"] if self.reasons else []
         for what in ("depth", "brightness"):
             before, after = getattr(self.before, what), getattr(self.after, what)

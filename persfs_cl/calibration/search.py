@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from persfs_cl.arrays import Array, Indices, Mask
-from persfs_cl.calibration.evidence import Evidence
+from persfs_cl.calibration.evidence import BySurface, Evidence
 from persfs_cl.calibration.identify import told
 from persfs_cl.calibration.least_squares import Fitted, fit
 from persfs_cl.calibration.parameters import Assumed, Parameter
@@ -121,7 +121,7 @@ class Search:
         while parameters:
             start = self.first(parameters)
             fitted = self._fit(parameters, start, begin, counted)
-            kept, errors, more = told(parameters, fitted, self._clusters)
+            kept, errors, more = told(parameters, fitted, self._clusters, by_surface=self._by_surface)
             reasons |= more
             if len(kept) == len(parameters):
                 uncertain = [
@@ -132,7 +132,9 @@ class Search:
             begin = {one.name: float(number) for one, number in zip(parameters, fitted.numbers, strict=True)}
             parameters = [parameters[place] for place in kept]
         nothing = np.zeros(self.photographs.size)
-        return Found([], Fitted(np.empty(0), nothing, np.zeros((nothing.size, 0)), nothing, 1.0), [], reasons)
+        return Found(
+            [], Fitted(np.empty(0), nothing, np.zeros((nothing.size, 0)), nothing, 1.0, converged=True), [], reasons
+        )
 
     def without(self, found: Found, left_out: Mask) -> Assumed:
         """What is found without a part of the data.
@@ -149,6 +151,10 @@ class Search:
             begin = {one.name: float(number) for one, number in zip(parameters, numbers, strict=True)}
             numbers = self._fit(parameters, start, begin, None, left_out).numbers
         return self.assumed(parameters, numbers)
+
+    @property
+    def _by_surface(self) -> bool:
+        return all(isinstance(one, BySurface) for one in self.evidence)
 
     @property
     def _fineness(self) -> float:

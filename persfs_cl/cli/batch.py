@@ -224,7 +224,8 @@ def batch(
         )
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     share, room = _share(shard), _bytes(memory)
-    require_fitting(keywords, light, reflectance, brightness, guided=guide is not None or guides is not None)
+    paint, guided = chosen_albedo(albedo), guide is not None or guides is not None
+    require_fitting(keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guided)
     try:
         frame_slice(frames)
     except InputError as error:
@@ -241,7 +242,7 @@ def batch(
         mask=mask,
         walls=walls,
         known_depth=known_depth,
-        albedo=chosen_albedo(albedo),
+        albedo=paint,
         near=nearest,
         far=farthest,
         guides=guides,

@@ -16,6 +16,7 @@ from rich.console import Console
 from persfs_cl._cl.registers import LANES, WIDEST
 from persfs_cl._cl.registers import lanes as lanes_of
 from persfs_cl._cl.selection import select_device
+from persfs_cl.bench.endoscopy import EXPERIMENT, FRAME, MASK, POINTS
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import SCHEMES, STANDARD_SIZES, Plan
 from persfs_cl.bench.plots import draw
@@ -98,6 +99,14 @@ def bench(
             " these are all its tables; may be given several times.",
         ),
     ] = None,
+    endoscopy: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help=f"Folder of the experiment endoscopy: {FRAME}, {MASK} and {POINTS}, with the camera and points of "
+            "known depth. Without it this experiment is left out.",
+        ),
+    ] = None,
     strip_rows: Annotated[
         str | None,
         typer.Option(
@@ -151,6 +160,11 @@ def bench(
     """
     precision = keywords["precision"]
     experiments = _known("--experiment", experiment or list(EXPERIMENTS), tuple(EXPERIMENTS))
+    if endoscopy is None and EXPERIMENT in (experiment or ()):
+        raise typer.BadParameter(
+            f"give the folder of {FRAME}, {MASK} and {POINTS} that the experiment {EXPERIMENT} reads.",
+            param_hint="'--endoscopy'",
+        )
     pages = page or []
     for each in pages:
         check_page(each, quick=quick, wanted=markers(experiments), known=markers(EXPERIMENTS))
@@ -170,6 +184,7 @@ def bench(
         lanes=_numbers("--lanes", lanes, choices=[width for width in LANES if width <= lanes_of(chosen, precision)]),
         work_groups=_numbers("--work-groups", work_groups, least=1),
         tasks=_QUICK_TASKS if quick else Plan.tasks,
+        endoscopy=endoscopy,
     )
     plan.device.real(precision)
     check_folder(output, overwrite=True)

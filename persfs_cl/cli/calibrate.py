@@ -169,7 +169,7 @@ def _read(path: Path, truth: Path, brightness: Brightness, camera: CameraChoice)
     shape = (photo.image.shape[0], photo.image.shape[1])
     if truth.suffix.lower() in _MAPS:
         return photo, read_depth(truth, shape, orientation=photo.orientation)
-    return photo, GuideFile(truth).read(path, camera.of(path, shape)[0], shape)
+    return photo, GuideFile(truth).read(path, camera.of(path, shape)[0], shape, orientation=photo.orientation)
 
 
 @contextmanager

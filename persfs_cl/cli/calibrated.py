@@ -80,6 +80,8 @@ def _heading(calibration: Calibration, photos: Sequence[Path]) -> Iterator[str]:
                 f"Mean error of the {what}: {before:.3%} before, {after:.3%} after, cross-validated over "
                 f"{calibration.validation}."
             )
+    if not calibration.converged:
+        yield from _comment("Not converged: these numbers still changed when the fit ended. Do not rely on them.")
     for name, reason in calibration.reasons.items():
         yield from _comment(f"Not told: {name}. {reason[0].upper()}{reason[1:]}.")
 

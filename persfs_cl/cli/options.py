@@ -17,7 +17,7 @@ from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
-from persfs_cl.pipeline.guides import GuideFile
+from persfs_cl.pipeline.guides import GuideFile, require_guided
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lights import LIGHTS
 from persfs_cl.shading.materials import MATERIALS
@@ -141,14 +141,22 @@ def chosen_guide(file: Path | None, unit: float) -> GuideFile | None:
 
 
 def require_fitting(
-    keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness, *, guided: bool
+    keywords: Options,
+    light: Light,
+    reflectance: Reflectance,
+    brightness: Brightness,
+    *,
+    albedo: Path | Literal["fit"] | None,
+    guide_unit: float,
+    guided: bool,
 ) -> None:
     """Refuse what does not go together, before any file is read.
 
     Raises
     ------
     typer.BadParameter
-        When the light leaves nothing to normalise, wants a guide and there is none, or does not fit the other keywords.
+        When the light leaves nothing to normalise, or does not fit the other keywords; when there is no guide, and
+        something wants one, or tells of it.
     """
     for option, value in (
         ("'--normalise'", brightness.normalise),
@@ -158,7 +166,7 @@ def require_fitting(
         if value not in (None, "none") and not light.normalised:
             raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)
     try:
-        complete({**keywords, "light": light, "reflectance": reflectance})
+        options = complete({**keywords, "light": light, "reflectance": reflectance})
     except InputError as error:
         raise WrongOption(error) from error
     if light.unknown is not None and not guided:
@@ -166,6 +174,10 @@ def require_fitting(
             f"it is unknown, and found from a guide only: give '--guide', or the {light.unknown}.",
             param_hint=f"'--{light.unknown}'",
         )
+    try:
+        require_guided(options, albedo, guide_unit, guided=guided)
+    except InputError as error:
+        raise WrongOption(error) from error
 
 
 def chosen_camera(

@@ -122,7 +122,10 @@ def reconstruct(
     which the relief can be turned, with preview.jpg, photo.jpg and relief.js.
     """
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
-    require_fitting(keywords, light, reflectance, brightness, guided=guide is not None)
+    paint = chosen_albedo(albedo)
+    require_fitting(
+        keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guide is not None
+    )
     nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,
@@ -131,7 +134,7 @@ def reconstruct(
         mask=mask,
         walls=walls,
         known_depth=known_depth,
-        albedo=chosen_albedo(albedo),
+        albedo=paint,
         near=nearest,
         far=farthest,
         guide=chosen_guide(guide, guide_unit),

@@ -12,6 +12,7 @@ import numpy as np
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.guide.cells import Cells
+from persfs_cl.guide.few import are_few, noise_of_few
 
 LEAST_NOISE, _LEAST_OF_RELIEF = 0.003, 0.006
 """In ln depth, and as a share of the relief, whichever is less: any guide is taken to have so much."""
@@ -22,7 +23,6 @@ _OF_NEIGHBOURS = 1.2
 """A difference from the median of neighbours scatters so much more than one value."""
 _FEW = 8
 """Cells from which neighbours tell the noise."""
-_NOISE_OF_FEW, _FEW_OF_RELIEF = 0.01, 0.02
 _AGREE = 3.0 * math.sqrt(2.0)
 _SLACK = 0.5
 """Slope, in depths over distance aside, by which neighbours may differ besides."""
@@ -38,8 +38,8 @@ def noise_of(residuals: Array, cells: Cells) -> float:
     relief = float(np.ptp(np.percentile(cells.values[there], (2, 98)))) if there.any() else 0.0
     beside = cells.beside(residuals)
     known = there & ~np.isnan(beside).all(axis=1)
-    if np.count_nonzero(known) < _FEW:
-        return min(_NOISE_OF_FEW, _FEW_OF_RELIEF * relief or _NOISE_OF_FEW)
+    if np.count_nonzero(known) < _FEW or are_few(cells):
+        return noise_of_few(relief)
     differences = residuals[known] - np.nanmedian(beside[known], axis=1)
     scatter = _SIGMAS * float(np.median(np.abs(differences))) / _OF_NEIGHBOURS
     return max(scatter, min(LEAST_NOISE, _LEAST_OF_RELIEF * relief or LEAST_NOISE))

@@ -18,6 +18,8 @@ NEIGHBOURS = 8
 """Of a cell, at most."""
 _REACH = 2.0
 """Spacings from a cell within which it is not too far to say anything."""
+_MOST = 200_000
+"""Cells of a map. What more of them say, the photograph says better."""
 _FINE = 3.0
 """Pixels from cell to cell below which there is no need to interpolate."""
 
@@ -47,11 +49,15 @@ class Cells:
     def of_map(cls, guide: Array, wanted: Mask) -> Cells:
         """Those of a map of the same view, coarser or finer, NaN where it says nothing.
 
-        A finer one is reduced to pixels by medians. Cells without a pixel that is `wanted` are left out.
+        A finer one is reduced to pixels by medians, and one of very many cells to fewer: their neighbours would take
+        several times the memory of the image. Cells without a pixel that is `wanted` are left out.
         """
         shape = wanted.shape
-        if guide.shape[0] > shape[0] or guide.shape[1] > shape[1]:
-            guide = _reduced(guide, (min(guide.shape[0], shape[0]), min(guide.shape[1], shape[1])))
+        rows, columns = (min(length, most) for length, most in zip(guide.shape, shape, strict=True))
+        edge = math.ceil(math.sqrt(max(1.0, rows * columns / _MOST)))
+        rows, columns = -(-rows // edge), -(-columns // edge)
+        if (rows, columns) != guide.shape:
+            guide = _reduced(guide, (rows, columns))
         down, across = (_part_of(length, count) for length, count in zip(shape, guide.shape, strict=True))
         of_pixel = np.where(wanted, down[:, None] * guide.shape[1] + across, _NOWHERE)
         says = ~np.isnan(guide.ravel())

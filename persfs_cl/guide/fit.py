@@ -12,6 +12,7 @@ from persfs_cl.choices import GuideScale
 from persfs_cl.errors import InputError
 from persfs_cl.guide.agreement import LEAST_NOISE, agreeing, distortion_of, drift_of, mode_of, noise_of
 from persfs_cl.guide.cells import Cells
+from persfs_cl.guide.few import are_few, scatter_of
 from persfs_cl.guide.guide import Guide
 from persfs_cl.wording import keyword
 
@@ -44,7 +45,8 @@ class GuideFit:
     spacing : float
         Pixels from one to the next.
     noise : float
-        By how much its depths scatter, as a share of the depth, or ``guide_tolerance``.
+        By how much its depths scatter, as a share of the depth, or ``guide_tolerance``. Taken to be 0.01, or less where
+        there is little relief, of fewer than 25 points, which do not tell it.
     distortion : float
         What it errs besides, as a share of the depth.
     drifts : bool
@@ -113,6 +115,8 @@ class Fitted:
         How much farther, in ln depth, the surface must be taken where the gain is unknown.
     disagreement : float
         How much farther, in ln depth, most of the guide is than the surface, before anything of either was changed.
+    scatter : float
+        By how much the rest differs from that for no reason that is known.
     noise, distortion, drifts, factor, offset
         As in :class:`GuideFit`.
     step : float
@@ -124,6 +128,7 @@ class Fitted:
     cells: Cells
     farther: float
     disagreement: float
+    scatter: float
     noise: float
     distortion: float
     drifts: bool
@@ -165,14 +170,17 @@ class Fitted:
                 f"{keyword('guide')} says nothing of pixels that get a depth: see that it is of the same view.",
                 argument="guide",
             )
+        few = held and are_few(cells)
         noise = noise_of(residuals, cells) if tolerance is None else tolerance
         step = cells.spacing / focal_length
         free = gain_unknown or scale != "fixed"
-        most = mode_of(residuals, noise)
+        # Of few points hardly two have the same residual.
+        width = max(noise, scatter_of(residuals)) if few else noise
+        most = mode_of(residuals, width)
         shift = np.full(cells.count, most if free else 0.0)
         trusted = agreeing(residuals, cells, noise, step)
         # A surface that the guide itself has placed tells nothing of what it errs, and who gives a tolerance knows.
-        told = tolerance is None and (held or scale != "fixed")
+        told = tolerance is None and not few and (held or scale != "fixed")
         distortion = distortion_of(residuals - most, trusted, noise) if told else 0.0
         drifts = free and distortion > noise
         if drifts:
@@ -187,14 +195,16 @@ class Fitted:
             change = math.exp(shift[0] if guide.kind == "inverse" else -shift[0])
             factor, offset = factor * change, offset * change
         fitted = cells.saying(cells.values - shift)
-        return cls(fitted, farther, most, noise, distortion, drifts, factor, offset, step, held)
+        return cls(fitted, farther, most, width, noise, distortion, drifts, factor, offset, step, held)
 
     @classmethod
     def as_given(cls, guide: Guide, focal_length: float, tolerance: float | None) -> Fitted:
         """A guide in the unit of depth, where there is no surface yet."""
         noise = noise_of(guide.cells.values, guide.cells) if tolerance is None else tolerance
         step = guide.cells.spacing / focal_length
-        return cls(guide.cells, 0.0, 0.0, noise, 0.0, drifts=False, factor=1.0, offset=0.0, step=step, held=False)
+        return cls(
+            guide.cells, 0.0, 0.0, noise, noise, 0.0, drifts=False, factor=1.0, offset=0.0, step=step, held=False
+        )
 
     @property
     def count(self) -> int:
@@ -222,6 +232,11 @@ class Fitted:
         found = self.cells.values - self.cells.of_surface(log_depth)
         trusted = agreeing(found, self.cells, self.noise, self.step)
         return np.where(trusted, found, np.nan) if trusted.any() else found
+
+    @property
+    def few(self) -> bool:
+        """Whether there are few points, on a surface that the photograph holds."""
+        return self.held and are_few(self.cells)
 
     @property
     def rounds(self) -> int:

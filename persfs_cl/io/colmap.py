@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,13 @@ import numpy as np
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import read_lines
+from persfs_cl.io.maps import lies_on_a_side
+from persfs_cl.io.raster import upright_places
 
 _PINHOLES = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
 """Models without distortion, and how many parameters they have."""
+_STRETCHED = 0.01
+"""Logarithm of a ratio that an image may be longer along one side, where sides are not rounded."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +103,12 @@ def read_colmap_images(path: Path) -> Iterator[tuple[int, str, int]]:
         yield number, name, camera
 
 
-def read_colmap_points(path: Path, photo: Path) -> Array:
+def read_colmap_points(path: Path, photo: Path, shape: tuple[int, int], *, orientation: int = 1) -> Array:
     """The points of a `points3D.txt` that an image sees, by the `images.txt` beside it.
+
+    COLMAP may have seen the photo in another size, and as it lies in its file: `cameras.txt`, if there is one beside
+    them, has the size, and what it saw is scaled, and turned as EXIF turned the photo. Without it, COLMAP has seen the
+    photo as it is read.
 
     Parameters
     ----------
@@ -107,19 +116,29 @@ def read_colmap_points(path: Path, photo: Path) -> Array:
         Of the points.
     photo : Path
         The image, whose name in `images.txt` is the end of its path.
+    shape : (int, int)
+        (height, width) of the photo as it is read.
+    orientation : int
+        `Photo.orientation` of it.
 
     Returns
     -------
     ndarray of float64, shape (points, 3)
-        Column and row where the image sees each, pixels centred on integers, and its depth along the optical axis.
+        Column and row where the photo sees each, pixels centred on integers, and its depth along the optical axis.
 
     Raises
     ------
     InputError
-        When a file cannot be read, there is no such image, or it sees no point.
+        When a file cannot be read, there is no such image, or more than one, or it sees no point; when the image that
+        COLMAP saw has another ratio of sides.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and nothing tells whether COLMAP saw it so.
     """
-    images = path.with_name("images.txt")
-    pose, seen = _pose_and_observations(images, photo)
+    images, cameras = path.with_name("images.txt"), path.with_name("cameras.txt")
+    image = _image_of(images, photo)
     places = {}
     for number, line in read_lines(path):
         if not line or line.startswith("#"):
@@ -127,45 +146,89 @@ def read_colmap_points(path: Path, photo: Path) -> Array:
         fields = line.split(maxsplit=4)
         try:
             identity = int(fields[0])
-            if identity in seen:
+            if identity in image.seen:
                 places[identity] = [float(field) for field in fields[1:4]]
         except (ValueError, IndexError) as error:
             raise _odd(path, number, line, "POINT3D_ID X Y Z R G B ERROR TRACK") from error
-    both = [identity for identity in seen if identity in places]
+    both = [identity for identity in image.seen if identity in places]
     if not both:
         raise InputError(
-            f"{path} has none of the {len(seen)} points that {photo.name} sees by {images}: see that both are of one "
-            "model."
+            f"{path} has none of the {len(image.seen)} points that {photo.name} sees by {images}: see that both are of "
+            "one model."
         )
-    w, x, y, z, *shift = pose
+    w, x, y, z, *shift = image.pose
     forward = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
     depths = np.array([places[identity] for identity in both]) @ forward + shift[2]
-    found = np.column_stack([np.array([seen[identity] for identity in both]) - 0.5, depths])
+    size = _size_of(cameras, image.camera, images) if cameras.exists() else shape
+    on_photo = _on_photo(np.array([image.seen[identity] for identity in both]), size, cameras, shape, orientation)
+    found = np.column_stack([on_photo - 0.5, depths])
     return found[found[:, 2] > 0.0]
 
 
-def _pose_and_observations(path: Path, photo: Path) -> tuple[list[float], dict[int, tuple[float, float]]]:
-    """Rotation, as a unit quaternion, and shift of an image, and where it sees which points."""
-    pose: list[float] | None = None
+@dataclass(frozen=True)
+class _Image:
+    """An image of `images.txt`: rotation, as a unit quaternion, and shift; its camera; and where it sees which points.
+
+    Places are counted from the outer edges of the first pixel.
+    """
+
+    name: str
+    pose: list[float]
+    camera: int
+    seen: dict[int, tuple[float, float]]
+
+
+def _size_of(path: Path, camera: int, images: Path) -> tuple[int, int]:
+    """Height and width of the images of a camera."""
+    cameras = read_colmap_cameras(path)
+    if camera not in cameras:
+        raise InputError(f"{path} has no camera {camera}, which {images} names: see that both are of one model.")
+    return cameras[camera].size
+
+
+def _on_photo(places: Array, size: tuple[int, int], path: Path, shape: tuple[int, int], orientation: int) -> Array:
+    """Places in an image of some size, as those in the photo as it is read."""
+    if lies_on_a_side(path, size, shape, orientation):
+        places, size = upright_places(places, size, orientation), size[::-1]
+    scale = np.array([shape[1] / size[1], shape[0] / size[0]])
+    if abs(math.log(scale[0] / scale[1])) > _STRETCHED + 1.0 / min(*size, *shape):
+        raise InputError(
+            f"{path} has images of {size[1]} x {size[0]} pixels, and the photo has {shape[1]} x {shape[0]}: give the "
+            "one that COLMAP saw, uncropped; it may be resized."
+        )
+    return np.asarray(places * scale)
+
+
+def _image_of(path: Path, photo: Path) -> _Image:
+    """The one that a photo is."""
+    found: list[_Image] = []
     points = False
+    matching = False
     for number, line in read_lines(path):
         if points:
-            if pose is not None:
-                return pose, _observations(path, number, line)
             points = False
+            if matching:
+                found[-1].seen.update(_observations(path, number, line))
             continue
         if not line or line.startswith("#"):
             continue
         fields = line.split(maxsplit=9)
         try:
             name = fields[9]
-            if photo.as_posix().endswith(f"/{name}") or photo.as_posix() == name:
+            matching = photo.as_posix().endswith(f"/{name}") or photo.as_posix() == name
+            if matching:
                 quaternion = np.array([float(field) for field in fields[1:5]])
                 pose = [*(quaternion / np.linalg.norm(quaternion)), *(float(field) for field in fields[5:8])]
+                found.append(_Image(name, pose, int(fields[8]), {}))
         except (ValueError, IndexError) as error:
             raise _odd(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME") from error
         points = True
-    raise InputError(f"{path} has no image {photo.name}, or none of its points: name it as COLMAP does.")
+    if len(found) > 1:
+        names = " and ".join(image.name for image in found)
+        raise InputError(f"{path} has {len(found)} images that {photo} may be, {names}: leave one of them there.")
+    if not found or not found[0].seen:
+        raise InputError(f"{path} has no image {photo.name}, or none of its points: name it as COLMAP does.")
+    return found[0]
 
 
 def _observations(path: Path, number: int, line: str) -> dict[int, tuple[float, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ from persfs_cl.io.exr import read_exr
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.io.npy import read_npy, read_npy_header
 from persfs_cl.io.photos import Channel, Encoding, read_light_photo
-from persfs_cl.io.raster import ON_A_SIDE, TURNED
+from persfs_cl.io.raster import ON_A_SIDE, TURNED, upright
 
 MapKind = Literal["depth", "light", "mask"]
 _TIFF_SUFFIXES = (".tif", ".tiff")
@@ -207,13 +208,19 @@ def read_depth(path: FilePath, shape: tuple[int, int] | None = None, *, orientat
     return depth
 
 
-def read_numbers(path: FilePath) -> Array:
+def read_numbers(path: FilePath, shape: tuple[int, int] | None = None, *, orientation: int = 1) -> Array:
     """A coarse map of depths, or of numbers that go with them, of any size.
+
+    One whose sides have about the ratio of the photo as it lies in its file is turned as EXIF turned the photo.
 
     Parameters
     ----------
     path : path
         `.npy`, `.tif`, `.tiff`, `.png` (16 bits, say), or `.exr`, of which the package OpenEXR reads the channel Z.
+    shape : (int, int), optional
+        (height, width) of the photo that it goes with.
+    orientation : int
+        `Photo.orientation` of that photo.
 
     Returns
     -------
@@ -224,13 +231,50 @@ def read_numbers(path: FilePath) -> Array:
     ------
     InputError
         When the file cannot be read, is no single map of numbers, or has another suffix.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the ratio of sides does not tell whether the file was made for the turned photo.
     """
     path = as_path(path)
     if path.suffix.lower() not in (".npy", ".png", ".exr", *_TIFF_SUFFIXES):
         raise InputError(f"{path} is no map of numbers by its name: give a .npy, .tiff, .png or .exr file.")
-    numbers, _ = _numbers(path)
+    numbers, own = _numbers(path)
     numbers[np.isinf(numbers)] = np.nan
+    if shape is not None and own != orientation and lies_on_a_side(path, numbers.shape, shape, orientation):
+        return upright(numbers, orientation)
     return numbers
+
+
+def lies_on_a_side(path: Path, size: tuple[int, ...], shape: tuple[int, int], orientation: int) -> bool:
+    """Whether what a file says is of a photo as it lies in its file, by the ratio of sides, and not as it is read.
+
+    Parameters
+    ----------
+    path : Path
+    size : (int, int)
+        (height, width) of what it says, on any scale.
+    shape, orientation
+        Of the photo as it is read, and what EXIF says of it.
+
+    Warns
+    -----
+    UserWarning
+        When EXIF turned the photo, and the ratio does not tell.
+    """
+    if orientation not in TURNED:
+        return False
+    as_read, as_in_file = (abs(_ratio(size) - sign * _ratio(shape)) for sign in (1.0, -1.0))
+    if orientation not in ON_A_SIDE or as_read == as_in_file:
+        _warn_of_turning(path, _how(orientation))
+        return False
+    return as_in_file < as_read
+
+
+def _ratio(size: tuple[int, ...]) -> float:
+    """Logarithm of that of height and width."""
+    return math.log(size[0]) - math.log(size[1])
 
 
 def _numbers(path: Path) -> tuple[Array, int]:
@@ -308,7 +352,7 @@ def _require_shape(
     `own` is the orientation that the file itself had.
     """
     turned = orientation in TURNED and own != orientation
-    how = f"EXIF orientation {orientation}: {TURNED.get(orientation)}"
+    how = _how(orientation)
     if found != tuple(shape):
         if turned and orientation in ON_A_SIDE and found == tuple(shape)[::-1]:
             raise InputError(
@@ -319,7 +363,15 @@ def _require_shape(
             f"{path} has shape {found}, but the image has {tuple(shape)} (height, width): make them the same size."
         )
     if turned and (orientation not in ON_A_SIDE or shape[0] == shape[1]):
-        warn(
-            f"The photo is read upright ({how}), and by its shape nobody can tell whether {path} was made for it so: "
-            "make sure that it was, and not without turning the photo.",
-        )
+        _warn_of_turning(path, how)
+
+
+def _how(orientation: int) -> str:
+    return f"EXIF orientation {orientation}: {TURNED.get(orientation)}"
+
+
+def _warn_of_turning(path: Path, how: str) -> None:
+    warn(
+        f"The photo is read upright ({how}), and by its shape nobody can tell whether {path} was made for it so: make "
+        "sure that it was, and not without turning the photo.",
+    )

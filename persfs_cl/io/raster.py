@@ -9,11 +9,14 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.colour import ColourSpace
 
 # What each EXIF orientation but 1, upright, has done to the photo.
 ON_A_SIDE = (5, 6, 7, 8)
 """EXIF orientations that exchange height and width."""
+_ROWS_BACKWARDS, _COLUMNS_BACKWARDS = (3, 4, 7, 8), (2, 3, 6, 7)
+"""After that."""
 TURNED = {2: "mirrored", 3: "turned by 180°", 4: "flipped", 5: "transposed", 6: "turned", 7: "transposed", 8: "turned"}
 
 
@@ -110,8 +113,24 @@ def upright(samples: NDArray[Any], orientation: int) -> NDArray[Any]:
     """Undo EXIF's orientation: 1 is upright, 3 upside down, 6 and 8 on a side, the others mirrored."""
     if orientation in ON_A_SIDE:
         samples = samples.swapaxes(0, 1)
-    if orientation in (3, 4, 7, 8):
+    if orientation in _ROWS_BACKWARDS:
         samples = samples[::-1]
-    if orientation in (2, 3, 6, 7):
+    if orientation in _COLUMNS_BACKWARDS:
         samples = samples[:, ::-1]
     return np.ascontiguousarray(samples)
+
+
+def upright_places(places: Array, size: tuple[int, int], orientation: int) -> Array:
+    """Where points of a photo of some height and width lie once :func:`upright` has turned it.
+
+    Columns and rows, shape (points, 2), are counted from the outer edges of the first pixel.
+    """
+    columns, rows = places.T
+    height, width = size
+    if orientation in ON_A_SIDE:
+        columns, rows, height, width = rows, columns, width, height
+    if orientation in _ROWS_BACKWARDS:
+        rows = height - rows
+    if orientation in _COLUMNS_BACKWARDS:
+        columns = width - columns
+    return np.stack([columns, rows], axis=1)

@@ -20,7 +20,7 @@ from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
-from persfs_cl.pipeline.guides import GuideFile
+from persfs_cl.pipeline.guides import GuideFile, require_guided
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
 from persfs_cl.pipeline.optics import CameraChoice
@@ -380,6 +380,8 @@ def batch(
     if camera is not None:
         require_camera(camera)
     settings = complete(options)
+    paint: Path | Literal["fit"] | None = "fit" if albedo == "fit" else None if albedo is None else as_path(albedo)
+    require_guided(settings, paint, guide_unit, guided=guide is not None or guides is not None)
     near, far = checked_bounds(_bound(near), _bound(far))
     files = {
         "masks": masks,
@@ -392,7 +394,7 @@ def batch(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
         **{name: None if file is None else as_path(file) for name, file in files.items()},
-        albedo="fit" if albedo == "fit" else None if albedo is None else as_path(albedo),
+        albedo=paint,
         near=near,
         far=far,
         guide=None if guide is None else GuideFile(as_path(guide), guide_unit),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from persfs_cl.io.colmap import read_colmap_points
 from persfs_cl.io.files import opened
 from persfs_cl.io.maps import read_numbers
 from persfs_cl.io.points import read_points
+from persfs_cl.solver.given import require_albedo_to_fit
+from persfs_cl.solver.options import Options, require_guide
+from persfs_cl.solver.schemes import SCHEMES
+from persfs_cl.wording import keyword
 
 _MAPS = (".npy", ".tiff", ".tif", ".exr", ".png")
 SUFFIXES = (*_MAPS, ".csv", ".json", ".ply", ".txt")
@@ -31,7 +36,8 @@ class GuideFile:
     ----------
     path : Path
         A map: `.npy`, `.tiff`, `.png`, `.exr`. Points: `.csv` or `.json` of column, row and depth, `.ply` in the
-        camera's axes, or COLMAP's `points3D.txt` with `images.txt` beside it.
+        camera's axes, or COLMAP's `points3D.txt` with `images.txt`, and `cameras.txt` if there is
+        one, beside it.
     unit : float
         What its numbers are multiplied by: 0.001 for millimetres where depths are in metres.
 
@@ -51,7 +57,10 @@ class GuideFile:
     @property
     def beside(self) -> tuple[Path, ...]:
         """Other files that it is read with."""
-        return (self.path.with_name("images.txt"),) if self.path.suffix.lower() == ".txt" else ()
+        if self.path.suffix.lower() != ".txt":
+            return ()
+        cameras = self.path.with_name("cameras.txt")
+        return (self.path.with_name("images.txt"), *((cameras,) if cameras.exists() else ()))
 
     def check(self) -> None:
         """Refuse a file that is missing, empty, or no guide by its name.
@@ -70,8 +79,8 @@ class GuideFile:
             with opened(file):
                 pass
 
-    def read(self, photo: Path, camera: Camera, shape: tuple[int, int]) -> Array | Points:
-        """What it says of a photo.
+    def read(self, photo: Path, camera: Camera, shape: tuple[int, int], *, orientation: int = 1) -> Array | Points:
+        """What it says of a photo, of some height and width and EXIF orientation.
 
         Raises
         ------
@@ -81,14 +90,38 @@ class GuideFile:
         self.check()
         suffix = self.path.suffix.lower()
         if suffix in _MAPS:
-            return self.unit * read_numbers(self.path)
+            return self.unit * read_numbers(self.path, shape, orientation=orientation)
         if suffix == ".ply":
             seen = _projected(self.path, read_cloud(self.path), camera, shape)
         elif suffix == ".txt":
-            seen = read_colmap_points(self.path, photo)
+            seen = read_colmap_points(self.path, photo, shape, orientation=orientation)
         else:
             seen = read_points(self.path)
         return Points(seen[:, 0], seen[:, 1], self.unit * seen[:, 2])
+
+
+def require_guided(options: Options, albedo: Path | Literal["fit"] | None, guide_unit: float, *, guided: bool) -> None:
+    """Refuse what is said of a guide, or wants one, where there is none, before any file is read.
+
+    Parameters
+    ----------
+    options : Options
+        Complete, see :func:`persfs_cl.solver.options.complete`.
+    albedo : Path, "fit" or None
+    guide_unit : float
+    guided : bool
+        Whether there is a guide.
+
+    Raises
+    ------
+    InputError
+        Naming the keyword.
+    """
+    require_guide(options, guided=guided)
+    if not guided and guide_unit != 1.0:
+        raise InputError.about("guide_unit", guide_unit, f"is without {keyword('guide')}: give one, or leave it out.")
+    if albedo == "fit":
+        require_albedo_to_fit("fit", SCHEMES[options["scheme"]], guided=guided)
 
 
 def _projected(path: Path, points: Array, camera: Camera, shape: tuple[int, int]) -> Array:

@@ -216,7 +216,7 @@ def read_job(job: Job) -> JobInputs:
     within = None if job.near is None and job.far is None else (bounds[0], bounds[1])
     preparation = job.brightness.preparation(shape, orientation=turned)
     camera, source = job.camera.of(job.path, shape)
-    guide = None if job.guide is None else job.guide.read(job.path, camera, shape)
+    guide = None if job.guide is None else job.guide.read(job.path, camera, shape, orientation=turned)
     inputs = JobInputs(job, photo, preparation, camera, source, opaque & inside, walls, depths, shares, within, guide)
     if not inputs.lit.any():
         left_out = {"transparent": ~opaque, f"outside {job.mask}": ~inside}

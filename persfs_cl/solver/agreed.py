@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +12,19 @@ import numpy as np
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.checks import warn
+from persfs_cl.errors import InputError
 from persfs_cl.guide.fit import Fitted
 from persfs_cl.guide.guide import Guide
 from persfs_cl.shading.model import Light
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
+from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 
 _NOISES, _SHARE = 3.0, 0.02
-"""Of the guide, and of the depth, from which a common offset says that light and guide contradict each other."""
+"""Scatters of guide less surface, and share of the depth, from which a common offset says that light and guide
+contradict each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +83,24 @@ class Agreed:
         return cls(problem, fitted, float(getattr(light, unknown)), log_depth)
 
 
+@contextmanager
+def about(number: int) -> Iterator[None]:
+    """A block whose warnings and errors are about one image of several."""
+    with concerning(number):
+        try:
+            yield
+        except InputError as error:
+            error.place = number
+            raise
+
+
 def mean_focal_length(camera: Camera) -> float:
     """Of a camera whose pixels may not be square."""
     return 0.5 * (camera.fx + camera.fy)
 
 
 def _warn_of_contradiction(fitted: Fitted, light: Light) -> None:
-    if abs(fitted.disagreement) > max(_NOISES * fitted.noise, _SHARE):
+    if abs(fitted.disagreement) > max(_NOISES * fitted.scatter, _SHARE):
         warn(
             f"{keyword('guide')} has most depths {math.exp(fitted.disagreement):.3g} times as large as "
             f"{keyword('light', light)} gives them, and is believed. If it is of another scale, give "

@@ -182,7 +182,7 @@ def check(
         wanted_of_guide = wanted if barriers is None else wanted & ~barriers
         told = Guide.of(guide, wanted_of_guide, options["guide_kind"], options["guide_scale"])
     require_scale(light, told, options["guide_scale"], others=known_depth is not None or depth_range is not None)
-    fits_albedo = require_albedo_to_fit(albedo, scheme, told)
+    fits_albedo = require_albedo_to_fit(albedo, scheme, guided=told is not None)
     sign = 1.0 if options["surface"] == "away" else -1.0
     depths = None if known_depth is None else as_known_depth("known_depth", known_depth, shape)[0]
     within = None if depth_range is None else DepthRange.of(depth_range, shape)
@@ -290,7 +290,7 @@ def check(
     )
 
 
-def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, guide: Guide | None) -> bool:
+def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, *, guided: bool) -> bool:
     """Whether the albedo is to be found; InputError when it is a word, and cannot be."""
     if not isinstance(albedo, str):
         return False
@@ -303,7 +303,7 @@ def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, guide:
             f"with {keyword('scheme', scheme.name)}, which takes the image at its word: give "
             f"{keyword('scheme', 'regularised')}.",
         )
-    if guide is None:
+    if not guided:
         raise InputError.about(
             "albedo",
             albedo,

@@ -18,17 +18,17 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.smoothing import Smoother
 from persfs_cl.arrays import Array, Mask
+from persfs_cl.guide.few import kriged
 from persfs_cl.guide.fit import Fitted, GuideFit
 from persfs_cl.guide.guide import Guide
 from persfs_cl.guide.smoothing import edge_weights
-from persfs_cl.solver.agreed import Agreed
+from persfs_cl.solver.agreed import Agreed, about
 from persfs_cl.solver.attempt import Attempt, swept
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
-from persfs_cl.told import concerning
 
 _SMOOTHNESS = 6.0
 """Weight of the total variation of the residual, over the pixels from cell to cell."""
@@ -36,12 +36,6 @@ _MANY = 25
 """Cells. Fewer tell nothing of what lies between them."""
 _SPACING = 12.0
 """Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
-_MANY = 25
-"""Cells. Fewer tell nothing of what lies between them."""
-_SPACING = 12.0
-"""Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
-_CONTRADICTION = 3.0, 0.02
-"""Noises, and share of the depth, from which a common offset says that light and guide contradict each other."""
 
 
 def solve_guided(
@@ -78,7 +72,7 @@ def solve_guided(
         if attempt.problem.guide is not None and attempt.status is not Status.STOPPED:
             began = time.perf_counter()
             found[place] = attempt.with_surface()
-            with concerning(numbers[place]):
+            with about(numbers[place]):
                 states[place] = _Guided.of(device, found[place], attempt.problem.guide, options)
             found[place] = replace(found[place], seconds=attempt.seconds + time.perf_counter() - began)
     # All are under one light.
@@ -93,15 +87,13 @@ def solve_guided(
         problems = [state.bounded(number) for state in states.values()]
         share = (time.perf_counter() - began) / len(states)
         if watch:
-            watch.before = max(len(found[place].run.changes[0]) for place in states)
+            watch.go_on()
         again = swept(device, problems, options, watch, [numbers[place] for place in states])
         for place, latest in zip(list(states), map(Attempt.with_surface, again), strict=True):
             ended = replace(latest.after(found[place]), guide=states[place].fit_to(latest))
             found[place] = replace(ended, seconds=ended.seconds + share)
             if latest.status is Status.STOPPED:
                 del states[place]
-    if watch:
-        watch.before = 0
     return found
 
 
@@ -154,15 +146,18 @@ class _Guided:
         known = ~np.isnan(residuals)
         self.used, self.tolerance = int(np.count_nonzero(known)), self.fitted.tolerance(number)
         start, distance = cells.nearest(residuals)
-        if cells.count < _MANY:
-            start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
-        votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
-        smooth = self.smoother.smoothed(
-            start,
-            cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
-            np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
-            self.fitted.noise,
-        )
+        if self.fitted.few:
+            smooth = kriged(residuals, cells, self.fitted.noise)
+        else:
+            if cells.count < _MANY:
+                start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
+            votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
+            smooth = self.smoother.smoothed(
+                start,
+                cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
+                np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
+                self.fitted.noise,
+            )
         self.middle = self.log_depth + smooth
         # What no cell reaches is left to the photograph.
         self.middle[distance > cells.reach] = np.nan

@@ -160,12 +160,22 @@ class Watch:
 
     callback: Callback
     before: int = 0
+    last: int = 0
     stopped: bool = False
 
     def __call__(self, iteration: int, change: float) -> bool:
         """Count on from the iterations of runs before."""
-        self.stopped = bool(self.callback(self.before + iteration, change)) or self.stopped
+        self.last = self.before + iteration
+        self.stopped = bool(self.callback(self.last, change)) or self.stopped
         return self.stopped
+
+    def go_on(self) -> None:
+        """Let the next run count on from the last iteration, whichever image of several that was of."""
+        self.before = self.last
+
+    def begin(self) -> None:
+        """Let the next run count from 1."""
+        self.before = self.last = 0
 
 
 def stop_at_once(_iteration: int, _change: float) -> bool:

@@ -369,6 +369,20 @@ def complete(given: Options) -> Options:
     return options
 
 
+def require_guide(options: Options, *, guided: bool) -> None:
+    """Refuse what is said of a guide where there is none.
+
+    Raises
+    ------
+    InputError
+        Naming the keyword.
+    """
+    for name in ("guide_kind", "guide_scale", "guide_tolerance"):
+        value: Any = cast("dict[str, Any]", options)[name]
+        if not guided and value != _DESCRIBED[name][1].default:
+            raise InputError.about(name, value, f"is without {keyword('guide')}: give one, or leave it out.")
+
+
 def reported(options: Options) -> dict[str, Any]:
     """Those that a report states, as plain values."""
     values, without = cast("dict[str, Any]", options), SCHEMES[options["scheme"]].without

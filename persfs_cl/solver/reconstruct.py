@@ -19,7 +19,7 @@ from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.guide.guide import Points
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
-from persfs_cl.solver.options import Options, complete, with_options
+from persfs_cl.solver.options import Options, complete, require_guide, with_options
 from persfs_cl.solver.pieces import pieces, solve_in_pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
@@ -271,6 +271,7 @@ def reconstruct_batch(
                 argument=named,
                 value=entries,
             )
+    require_guide(settings, guided=any(each is not None for each in lists["guide"]))
     device = select_device(settings["device"])
     device.real(settings["precision"])
     chosen = time.perf_counter() - began
@@ -296,9 +297,13 @@ def reconstruct_batch(
     watch = None if callback is None else Watch(callback)
     solutions: dict[int, Solution] = {}
     together = pieces([each.window.shape for each in found.values()], device, settings["precision"])
-    for number, solution in solve_in_pieces(device, together, ready, settings, watch):
-        elapsed = replace(solution.elapsed, total=solution.elapsed.total + seconds[number])
-        solutions[number] = replace(solution, elapsed=elapsed)
+    try:
+        for number, solution in solve_in_pieces(device, together, ready, settings, watch):
+            elapsed = replace(solution.elapsed, total=solution.elapsed.total + seconds[number])
+            solutions[number] = replace(solution, elapsed=elapsed)
+    except InputError as error:
+        # One made ready in vain has its name already.
+        raise (error if error.place is None or count == 1 else error.at(f"images[{error.place}]")) from None
     finished = [solutions[number] for number in range(count)]
     if settings["throw"]:
         for number, solution in enumerate(finished):

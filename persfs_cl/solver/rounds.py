@@ -75,7 +75,7 @@ def solve_corrected(
             break
         again, dim = zip(*(corrected(problems[place], surfaces[place][1]) for place in active), strict=True)
         if watch:
-            watch.before = max(len(run.changes[place]) for place in active)
+            watch.go_on()
         latest = Iteration.of(device, again, options, watch)
         run.kernel_seconds += latest.kernel_seconds
         run.build_seconds += latest.build_seconds
@@ -104,8 +104,6 @@ def solve_corrected(
                         "out."
                     )
         active = going
-    if watch:
-        watch.before = 0
     return rounds
 
 

@@ -72,6 +72,8 @@ def attempt(
     device: Device, problems: Sequence[Problem], options: Options, watch: Watch | None, numbers: Sequence[int]
 ) -> list[Attempt]:
     """Run the sweeps, and again with what guides tell, or minimise the energy; see :func:`solve`."""
+    if watch:
+        watch.begin()
     if problems[0].scheme.by_energy:
         return [
             minimised(device, problem, options, watch, number)

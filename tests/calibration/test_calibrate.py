@@ -11,6 +11,7 @@ import tifffile
 from numpy.typing import NDArray
 
 import persfs_cl as ps
+from persfs_cl.cli.calibrated import calibrated
 from persfs_cl.preparation.correct import cosine_vignetting
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -224,6 +225,40 @@ def test_depth_may_be_in_any_unit(unit: float) -> None:
     assert calibration.values["lamp_x"] == pytest.approx(0.1 * unit, abs=0.01 * unit)
     assert calibration.after.depth is not None
     assert calibration.after.depth < 0.01
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.003, 0.01])
+def test_points_do_not_tell_the_lamp_forwards_from_the_gain(noise: float) -> None:
+    light = ps.FlashLight(gain=0.5, offset=(0.1, 0.0, 0.0))
+    photo = ps.render(NEAR, CAMERA, light=light)
+    calibration = ps.calibrate([(photo, points(NEAR, 60, 0, noise=noise))], CAMERA, fit="gain,lamp")
+    assert list(calibration.reasons) == ["lamp_z"]
+    assert "forwards and the gain cannot be told apart" in calibration.reasons["lamp_z"]
+    assert lamp_of(calibration).offset[2] == 0.0
+    assert calibration.values["gain"] == pytest.approx(0.5, rel=0.01)
+
+
+def test_errors_of_a_smooth_map_are_no_noise() -> None:
+    photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=0.8))
+    row, column = np.indices(SHAPE) / SHAPE[0]
+    found = []
+    for seed in range(8):
+        # Bent by 2 %, as stereo does it, over a good part of the photo.
+        phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 2)
+        bent = NEAR * (1.0 + 0.02 * np.sin(7.0 * row + phase[0]) * np.sin(7.0 * column + phase[1]))
+        found.append(ps.calibrate([(photo, bent)], CAMERA, normals="solution"))
+    shares = [(one.values["gain"] - 0.8) / one.uncertainties["gain"] for one in found]
+    assert 0.3 < float(np.sqrt(np.mean(np.square(shares)))) < 2.0
+
+
+def test_a_fit_that_does_not_settle_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("persfs_cl.calibration.least_squares._MOST_STEPS", 1)
+    photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=0.8)) ** 0.7
+    with pytest.warns(UserWarning, match="did not settle.*fit"):
+        calibration = ps.calibrate([(photo, NEAR)], CAMERA, fit="gain,exponent")
+    assert not calibration.converged
+    assert "not converged" in repr(calibration)
+    assert "# Not converged: " in calibrated(calibration, {}, [Path("photo.png")])
 
 
 def test_two_points_tell_the_gain() -> None:

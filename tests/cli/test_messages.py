@@ -179,6 +179,12 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "gain of nothing": (("--light=flash", "--gain=unknown"), 2, ("--gain", "unknown", "--guide")),
     "gain of a word": (("--light=flash", "--gain=bright"), 2, ("--gain", "'bright'", "'unknown'")),
     "two unknowns": (("--light=flash", "--gain=unknown", "--guide-scale=fit"), 2, ("--guide-scale", "only one")),
+    "scale of no guide": (("--light=flash", "--guide-scale=fit"), 2, ("--guide-scale fit is without --guide",)),
+    "kind of no guide": (("--light=flash", "--guide-kind=inverse"), 2, ("--guide-kind inverse is without --guide",)),
+    "tolerance of no guide": (("--guide-tolerance=0.01",), 2, ("--guide-tolerance 0.01 is without --guide",)),
+    "unit of no guide": (("--guide-unit=0.001",), 2, ("--guide-unit 0.001 is without --guide",)),
+    "paint of the sweeps": (("--albedo=fit", "--guide=none.npy"), 2, ("--albedo fit with --scheme", "regularised")),
+    "paint without a guide": (("--albedo=fit", "--scheme=regularised"), 2, ("--albedo fit without --guide",)),
     "nothing to hang from": (("--near=2",), 1, ("photo.png", "No depth is known", "--far")),
     "third order": (("--accuracy-order=3",), 2, ("--accuracy-order",)),
     "second order of the paper's scheme": (

@@ -40,6 +40,26 @@ def test_a_finer_map_is_reduced_by_medians() -> None:
     assert cells.spacing == 1.0
 
 
+@pytest.mark.parametrize("shape", [(2000, 1500), (3000, 70), (450, 450)])
+def test_a_map_of_very_many_cells_has_fewer(shape: tuple[int, int]) -> None:
+    row, column = np.indices(shape) / shape[0]
+    guide = 1.0 + row + column
+    guide[0, 0] = np.nan
+    cells = Cells.of_map(guide, np.ones(shape, bool))
+    assert 200_000 / 5 < cells.count <= 200_000
+    assert cells.neighbours.size == 8 * cells.count
+    np.testing.assert_allclose(cells.values, cells.of_surface(guide))
+    assert (cells.of_pixel >= 0).all()
+    assert cells.spacing == pytest.approx(np.sqrt(guide.size / cells.count), rel=0.01)
+
+
+def test_a_map_of_many_cells_has_all_of_them() -> None:
+    guide = np.random.default_rng(0).uniform(1.0, 2.0, (400, 500))
+    cells = Cells.of_map(guide, np.ones((400, 500), bool))
+    np.testing.assert_array_equal(cells.values, guide.ravel())
+    assert cells.spacing == 1.0
+
+
 def test_what_says_nothing_and_what_is_not_wanted_is_left_out() -> None:
     coarse = np.arange(24.0).reshape(4, 6)
     coarse[0, 0] = np.nan

@@ -144,6 +144,83 @@ def test_a_colmap_model_of_other_photos(tmp_path: Path) -> None:
         read(path)
 
 
+SIDES = {5: (60, 40), 6: (60, 40), 7: (60, 40), 8: (60, 40)}
+"""Height and width, in the file, of a photo that is read with 40 x 60 pixels, by the EXIF orientation."""
+
+
+def in_file(column: float, row: float, orientation: int) -> tuple[float, float]:
+    """Of a pixel of the upright photo, where it is in the file; by EXIF's own words."""
+    return {
+        5: (row, column),
+        6: (row, SHAPE[1] - 1 - column),
+        7: (SHAPE[0] - 1 - row, SHAPE[1] - 1 - column),
+        8: (SHAPE[0] - 1 - row, column),
+    }[orientation]
+
+
+@pytest.mark.parametrize("orientation", SIDES)
+def test_a_map_of_the_photo_as_it_lies_in_its_file_is_turned_with_it(tmp_path: Path, orientation: int) -> None:
+    upright = np.random.default_rng(0).uniform(1.0, 2.0, SHAPE)
+    lying = np.empty(SIDES[orientation])
+    for row, column in np.ndindex(SHAPE):
+        there = in_file(column, row, orientation)
+        lying[int(there[1]), int(there[0])] = upright[row, column]
+    for name, stored in (("upright", upright), ("lying", lying)):
+        np.save(tmp_path / f"{name}.npy", stored)
+        found = GuideFile(tmp_path / f"{name}.npy").read(tmp_path / "photo.jpg", CAMERA, SHAPE, orientation=orientation)
+        np.testing.assert_array_equal(np.asarray(found), upright)
+    # Coarse ones too.
+    np.save(tmp_path / "coarse.npy", np.ones((3, 2)))
+    found = GuideFile(tmp_path / "coarse.npy").read(tmp_path / "photo.jpg", CAMERA, SHAPE, orientation=orientation)
+    assert np.asarray(found).shape == (2, 3)
+
+
+@pytest.mark.parametrize(("orientation", "shape"), [(3, SHAPE), (6, (7, 7))])
+def test_where_the_ratio_does_not_tell_it_is_said(tmp_path: Path, orientation: int, shape: tuple[int, int]) -> None:
+    np.save(tmp_path / "guide.npy", np.ones(shape))
+    with pytest.warns(UserWarning, match=r"nobody can tell whether .*guide\.npy"):
+        GuideFile(tmp_path / "guide.npy").read(tmp_path / "photo.jpg", CAMERA, SHAPE, orientation=orientation)
+
+
+@pytest.mark.parametrize("orientation", [1, *SIDES])
+def test_colmap_has_seen_the_photo_in_another_size_and_lying(tmp_path: Path, orientation: int) -> None:
+    write_colmap(tmp_path)
+    images = tmp_path / "images.txt"
+    size = SIDES.get(orientation, SHAPE)
+    (tmp_path / "cameras.txt").write_text(f"1 SIMPLE_RADIAL {3 * size[1]} {3 * size[0]} 210 60 90 0.1\n")
+    *lines, _ = images.read_text().splitlines()
+    places = [(column, row) if orientation == 1 else in_file(column, row, orientation) for column, row in PLACES[:, :2]]
+    seen = [f"{3.0 * (column + 0.5)} {3.0 * (row + 0.5)} {number}" for number, (column, row) in enumerate(places, 7)]
+    images.write_text("\n".join([*lines, " ".join(seen)]) + "\n")
+    guide = GuideFile(tmp_path / "points3D.txt")
+    assert guide.beside == (images, tmp_path / "cameras.txt")
+    found = guide.read(tmp_path / "folder/photo.png", CAMERA, SHAPE, orientation=orientation)
+    assert isinstance(found, Points)
+    np.testing.assert_allclose(np.stack([found.columns, found.rows, found.depths], axis=1), PLACES, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("cameras", "message"),
+    [
+        ("1 PINHOLE 80 40 70 80 30 17\n", r"cameras\.txt has images of 80 x 40 pixels, and the photo has 60 x 40"),
+        ("2 PINHOLE 60 40 70 80 30 17\n", r"cameras\.txt has no camera 1, which .*images\.txt names"),
+    ],
+)
+def test_cameras_of_other_photos(tmp_path: Path, cameras: str, message: str) -> None:
+    path = write_colmap(tmp_path)
+    (tmp_path / "cameras.txt").write_text(cameras)
+    with pytest.raises(InputError, match=message):
+        read(path)
+
+
+def test_two_images_of_one_name_are_told(tmp_path: Path) -> None:
+    path = write_colmap(tmp_path)
+    images = tmp_path / "images.txt"
+    images.write_text(images.read_text() + "3 1 0 0 0 0 0 0 1 photo.png\n1.0 2.0 7\n")
+    with pytest.raises(InputError, match=r"2 images that .*folder/photo\.png may be, folder/photo\.png and photo\.png"):
+        read(path)
+
+
 def test_points_behind_the_camera(tmp_path: Path) -> None:
     write_ply(tmp_path / "behind.ply", np.array([[0.0, 0.0, -1.0]]))
     with pytest.raises(InputError, match=r"behind\.ply has none of its 1 points in front"):

@@ -271,6 +271,9 @@ def test_points_that_are_none(arguments: Any, message: str) -> None:
         ({"light": ps.FlashLight(gain=None)}, "light=.*unknown gain.*guide of fixed scale"),
         ({"light": ps.FlashLight(gain=None), "guide": GUIDE, "guide_scale": "fit"}, "only one of the two"),
         ({"light": ps.ParallelLight(), "guide": GUIDE, "guide_scale": "affine"}, "guide_scale='affine'.*known_depth"),
+        ({"guide_scale": "fit"}, "guide_scale='fit' is without guide"),
+        ({"guide_kind": "inverse"}, "guide_kind='inverse' is without guide"),
+        ({"guide_tolerance": 0.01}, "guide_tolerance=0.01 is without guide"),
         ({"guide": GUIDE, "guide_kind": "disparity"}, "guide_kind='disparity'"),
         ({"guide": GUIDE, "guide_scale": "unknown"}, "guide_scale='unknown'"),
         ({"guide": GUIDE, "guide_tolerance": 0.0}, "guide_tolerance=0.0"),
@@ -281,6 +284,39 @@ def test_points_that_are_none(arguments: Any, message: str) -> None:
 def test_what_does_not_go_together_is_refused(keywords: dict[str, Any], message: str) -> None:
     with pytest.raises(ps.InputError, match=message):
         solved(BALLS, **keywords)
+
+
+@pytest.mark.parametrize("scheme", ["auto", "regularised"])
+def test_what_is_found_of_a_guide_while_solving_names_the_image(scheme: str) -> None:
+    alike = np.full((4, 4), 2.0)
+    with pytest.raises(ps.InputError, match=r"^images\[1\]: guide has 1 different values"):
+        ps.reconstruct_batch(
+            [BALLS.image] * 2,
+            BALLS.camera,
+            mask=[BALLS.mask] * 2,
+            guide=[GUIDE, alike],
+            light=BALLS.light,
+            guide_scale="affine",
+            scheme=scheme,
+        )
+
+
+def test_iterations_go_on_over_rounds_of_a_lamp_and_of_guides() -> None:
+    lamp = ps.FlashLight(offset=(0.1, 0.0, 0.0))
+    scenes = [ps.bump((40, 40), light=lamp, surface="toward", relief=relief) for relief in (0.05, 0.4)]
+    guides = [None, scenes[1].depth[4::8, 4::8]]
+    seen: list[int] = []
+    found = ps.reconstruct_batch(
+        [scene.image for scene in scenes],
+        scenes[0].camera,
+        light=lamp,
+        guide=guides,
+        scheme="lax-friedrichs",
+        callback=lambda iteration, _: seen.append(iteration),
+    )
+    assert seen == list(range(1, len(seen) + 1))
+    assert len(seen) >= max(each.iterations for each in found)
+    assert (found[1].parameters["lamp_rounds"] or 0) > 4
 
 
 def test_without_a_gain_nothing_is_rendered() -> None:

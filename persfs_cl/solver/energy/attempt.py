@@ -13,7 +13,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
 from persfs_cl.guide.agreement import noise_of
 from persfs_cl.guide.fit import Fitted, slope_of
-from persfs_cl.solver.agreed import Agreed, mean_focal_length
+from persfs_cl.solver.agreed import Agreed, about, mean_focal_length
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.energy.albedo import fit_albedo
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
@@ -24,7 +24,6 @@ from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
-from persfs_cl.told import concerning
 
 _LEAST_OF_RELIEF, _LEAST = 1e-3, 1e-7
 """Tolerance at least, as a share of the relief of the guide, and in ln depth."""
@@ -62,7 +61,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         start = swept(device, problem, options, stop_at_once if stopped else None)
     fitted, gain = None, None
     if guide is not None and start is not None:
-        with concerning(number):
+        with about(number):
             agreed = Agreed.on(problem, guide, start, options)
         problem, fitted, gain, start = agreed.problem, agreed.fitted, agreed.gain, agreed.log_depth
     elif guide is not None:
