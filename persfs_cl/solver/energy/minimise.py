@@ -28,12 +28,14 @@ _COARSE_ITERATIONS = 25
 _COARSE_GAIN = 5e-4
 """Share of the energy that an iteration on a coarse grid must gain to be worth another."""
 
-_STEPS, _REDUCTION = 10, 0.3
-"""Of the method of conjugate gradients: steps at most, and the remainder that is small enough. Better steps lead no
-faster to the minimum, since the energy is far from quadratic."""
+_STEPS, _REDUCTION = 5, 0.3
+"""Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. Better steps
+cost more than they gain: the directions that are made of them go on where they end, and the energy is not quadratic."""
 
-_SPAN, _WORTH = 5, 10.0
-"""Over so many iterations the energy must fall by this share of it, times the tolerance, to be worth more of them."""
+_SPAN, _WORTH, _MOST_WORTH = 5, 100.0, 1e-3
+"""Over so many iterations the energy must fall by this multiple of the tolerance, as a share of it, to be worth more of
+them; and never by more than the last. Where each pixel brings about 1 to the energy, 1e-3 of it is what 5 % of the
+standard deviation of its depth makes."""
 _FEW = 2
 """Changes before the last one that count with it."""
 
@@ -212,7 +214,7 @@ def _descend(
     changes: list[float] = []
     whole: list[float] = []
     damping, length, afresh = _FIRST_DAMPING, 1.0, True
-    status = Status.MAX_ITERATIONS
+    status, worth = Status.MAX_ITERATIONS, min(_WORTH * stopping.tolerance, _MOST_WORTH)
     while len(found.changes) < stopping.max_iterations and math.isfinite(here.energy):
         descent.assemble(damping)
         descent.solve(_STEPS, _REDUCTION)
@@ -251,7 +253,7 @@ def _descend(
         if reached.change == 0.0 or distance <= stopping.tolerance:
             status = Status.CONVERGED
             break
-        if len(energies) > _SPAN and energies[-1 - _SPAN] - here.energy <= _WORTH * stopping.tolerance * here.energy:
+        if stopping.by_distance and len(energies) > _SPAN and energies[-1 - _SPAN] - here.energy <= worth * here.energy:
             status = Status.CONVERGED
             break
     if finest or status is Status.STOPPED:
