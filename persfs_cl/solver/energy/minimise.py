@@ -29,8 +29,8 @@ _COARSE_GAIN = 5e-4
 """Share of the energy that an iteration on a coarse grid must gain to be worth another."""
 
 _STEPS, _REDUCTION = 5, 0.3
-"""Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. Better steps
-cost more than they gain: the directions that are made of them go on where they end, and the energy is not quadratic."""
+"""Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. Better ones
+cost more than they gain: the directions made of them go on where they end, and the energy is not quadratic."""
 
 _SPAN, _WORTH, _MOST_WORTH = 5, 100.0, 1e-3
 """Over so many iterations the energy must fall by this multiple of the tolerance, as a share of it, to be worth more of
@@ -263,6 +263,6 @@ def _descend(
 
 
 def estimated_distance(changes: Sequence[float], rounding: float) -> float:
-    """As :func:`distance_to_limit`, of changes that do not shrink evenly: each counts as the largest of the last few."""
+    """As :func:`distance_to_limit`, of changes that shrink unevenly: each counts as the largest of the last few."""
     few = [max(changes[max(0, place - _FEW) : place + 1]) for place in range(len(changes))]
     return distance_to_limit(few, rounding)
