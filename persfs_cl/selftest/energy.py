@@ -103,7 +103,7 @@ def derivative(reference: Reference, log_depth: Array, direction: Array, white: 
 
 
 def multiplied(planes: Array, values: Array) -> Array:
-    """A matrix times values; of each pair of pixels the planes hold one number, see kernels/energy/normal_equations.cl."""
+    """A matrix times values; of each pair of pixels the planes hold one number, see normal_equations.cl."""
     height, width = values.shape
     result = planes[0] * values
     for plane, (down, right) in zip(planes[1:], PAIRS, strict=True):

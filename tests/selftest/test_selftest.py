@@ -142,9 +142,9 @@ def test_a_wrong_bit_of_the_wavefront_is_found(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     ("method", "factor", "found"),
     [
-        ("log_depth", 1.0 + 1e-3, "values after a step differ"),
+        ("log_depth", 1.1, "values after a step differ"),
         ("turn", 1.01, "slopes along the step differ"),
-        ("assemble", 1.01, "slopes differ"),
+        ("assemble", 1.0, "slopes differ"),
         ("linearise", 1.001, "energies differ"),
     ],
 )
@@ -152,14 +152,13 @@ def test_a_wrong_energy_is_found(method: str, factor: float, found: str, monkeyp
     right = getattr(Descent, method)
 
     def wrong(self: Descent, *given: Any, **more: Any) -> Any:
-        result = right(self, *given, **more)
-        if method == "linearise":
-            return replace(result, energy=factor * result.energy)
         if method == "assemble":
             # As kernels do that read an array of something else.
-            self._values["residuals"] = self._values["remainder"]
-            return right(self, *given, **more)
-        return factor * result
+            self._values["residuals"] = self._values["prior"]
+        result = right(self, *given, **more)
+        if method == "assemble":
+            return result
+        return replace(result, energy=factor * result.energy) if method == "linearise" else factor * result
 
     monkeypatch.setattr(Descent, method, wrong)
     outcome = Checks(ps.devices()[0]).run(Case("energy", "float32"))

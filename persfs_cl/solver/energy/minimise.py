@@ -29,7 +29,7 @@ _COARSE_GAIN = 5e-4
 """Share of the energy that an iteration on a coarse grid must gain to be worth another."""
 
 _STEPS, _REDUCTION = 5, 0.3
-"""Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. Better ones
+"""Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. More
 cost more than they gain: the directions made of them go on where they end, and the energy is not quadratic."""
 
 _SPAN, _WORTH, _MOST_WORTH = 5, 100.0, 1e-3

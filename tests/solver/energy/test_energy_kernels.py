@@ -152,9 +152,9 @@ def test_devices_without_vectors_find_the_same(device: ps.Device, monkeypatch: p
 
 @pytest.mark.parametrize("weights", [PLAIN, PAINTED], ids=["plain", "painted"])
 def test_directions_go_on_and_tell_their_slope(device: ps.Device, precision: Precision, weights: Weights) -> None:
-    """Where the energy is a square of the step, directions of whole steps would be those steps themselves."""
     reference, log_depth = problem("lamp", "phong", weights)
     descent = descent_of(reference, log_depth, device, precision)
+    before = np.zeros_like(log_depth)
     for turn in range(3):
         here = descent.log_depth().astype(np.float64)
         descent.linearise(0.0)
