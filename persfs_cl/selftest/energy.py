@@ -105,7 +105,7 @@ def derivative(reference: Reference, log_depth: Array, direction: Array, white: 
 def multiplied(planes: Array, values: Array) -> Array:
     """A matrix times values; of each pair of pixels the planes hold one number, see normal_equations.cl."""
     height, width = values.shape
-    result = planes[0] * values
+    result: Array = planes[0] * values
     for plane, (down, right) in zip(planes[1:], PAIRS, strict=True):
         rows, columns = slice(0, height - down), slice(max(0, -right), width - max(0, right))
         other_rows, other_columns = slice(down, height), slice(max(0, right), width - max(0, -right))

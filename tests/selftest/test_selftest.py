@@ -29,6 +29,7 @@ from persfs_cl.selftest import checks
 from persfs_cl.selftest.cases import ORDERINGS, PRECISIONS, Case, cases
 from persfs_cl.selftest.checks import Checks
 from persfs_cl.selftest.scenes import EVEN, OBLIQUE, noise
+from persfs_cl.selftest.smoothing import smoothed_from_blocks
 from persfs_cl.selftest.supervisor import examine
 from persfs_cl.shading.equations import HeadlightEquation, MaterialEquation
 from persfs_cl.solver.reference import Reference
@@ -168,7 +169,7 @@ def test_a_wrong_energy_is_found(method: str, factor: float, found: str, monkeyp
 
 def test_wrong_blocks_of_the_smoothing_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "_LEVELS", 1)
-    right = checks.smoothed_from_blocks
+    right = smoothed_from_blocks
     monkeypatch.setattr(checks, "smoothed_from_blocks", lambda given, levels: right(given, 2 * levels))
     outcome = Checks(ps.devices()[0]).run(Case("smoothing", "float32"))
     assert "residuals smoothed on 2 grids differ" in outcome.message
