@@ -102,14 +102,38 @@ __kernel void advance(__global const real *direction, /* padded                 
     }
 }
 
-/* Z goes by the step, within its bounds; `before` keeps what it was. Of each work-item the largest change. */
-__kernel void move(__global const real *step,   /* padded                                                      */
+/* How a step goes with the last one: of each work-item the sums of step times the right-hand side before, and of the direction
+ * that was gone along times the right-hand side now.
+ */
+__kernel void compare_steps(__global const real *step,           /* d, padded                           */
+                            __global const real *last_direction, /* padded                              */
+                            __global const real *right_hand_side, /* b, padded                          */
+                            __global const real *last_right_hand_side, /* of the step before, padded    */
+                            __global real *partial,              /* two sums of each work-item          */
+                            const int width,                     /* pixels                              */
+                            const int stride)                    /* of padded rows                      */
+{
+    const int row = (int)get_global_id(1);
+    number with_last = 0, along_last = 0;
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
+        with_last = multiply_add(LOAD(step + cell), LOAD(last_right_hand_side + cell), with_last);
+        along_last = multiply_add(LOAD(last_direction + cell), LOAD(right_hand_side + cell), along_last);
+    }
+    __global real *sums = partial + 2 * place_of_item();
+    sums[0] = sum_of_lanes(with_last);
+    sums[1] = sum_of_lanes(along_last);
+}
+
+/* Z goes in a direction, within its bounds; `before` keeps what it was. Of each work-item the largest change. */
+__kernel void move(__global const real *direction, /* padded                                                   */
                    __global const real *limits, /* lower and upper bounds, NaN for none; two planes, padded; read
                                                    where BOUNDED is 1                                          */
                    __global real *log_depth,    /* Z, changed in place                                         */
                    __global real *before,       /* result, padded                                              */
                    __global real *partial,      /* a number of each work-item                                   */
-                   const real stretch,          /* of the step                                                 */
+                   const real length,           /* so many times                                               */
                    const int width,             /* pixels                                                      */
                    const int height,            /* pixels                                                      */
                    const int stride)            /* of padded rows                                              */
@@ -120,7 +144,7 @@ __kernel void move(__global const real *step,   /* padded                       
     {
         const size_t cell = cell_at(column, row, stride);
         const number here = LOAD(log_depth + cell);
-        number moved = multiply_add(stretch, LOAD(step + cell), here);
+        number moved = multiply_add(length, LOAD(direction + cell), here);
 #if BOUNDED
         const size_t plane = (size_t)stride * (size_t)(height + 2 * PAD);
         const number lower = LOAD(limits + cell), upper = LOAD(limits + plane + cell);

@@ -32,6 +32,9 @@ _SMALLEST = 4
 _MOST_GRIDS = 7
 """Of the grids that hasten the method of conjugate gradients: pixels of the shorter side, and how many."""
 
+_LEAST_FALL = 0.1
+"""Along a direction, as a share of that along the step alone."""
+
 _NOTHING_BESIDE = NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN
 
 
@@ -174,6 +177,7 @@ class Descent:
                 "precondition",
                 "turn_direction",
                 "advance",
+                "compare_steps",
                 "move",
                 "restrict_remainder",
                 "correct_grid",
@@ -217,10 +221,14 @@ class Descent:
             ("product", 1),
             ("step", 1),
             ("correction", 1),
+            ("right_hand_side", 1),
+            ("last_right_hand_side", 1),
+            ("course", 1),
         ):
             self._values[name] = self._zeros(planes * grid.size)
         self._partial = np.empty(3 * self._items * grid.height, real)
         self._values["partial"] = allocate(device, self._partial.nbytes)
+        self._slope = self._last_slope = 0.0
         self._coarse: list[dict[str, Any]] = [
             {
                 "remainder": self._zeros(coarse.size),
@@ -285,7 +293,14 @@ class Descent:
         int
             How many iterations it took.
         """
+        values = self._values
         with self._device.lock, in_words(self._device):
+            values["right_hand_side"], values["last_right_hand_side"] = (
+                values["last_right_hand_side"],
+                values["right_hand_side"],
+            )
+            cl.enqueue_copy(self._device.queue, values["right_hand_side"], values["remainder"])
+            self._last_slope, self._slope = self._slope, 0.0
             first = last = self._precondition()
             turn, done = 0.0, 0
             # The first is made even if there is nothing to do: the step must become 0.
@@ -294,6 +309,7 @@ class Descent:
                 self._finest("multiply")
                 along = float(self._sums().sum(dtype=np.float64))
                 length = last / along if along > 0.0 else 0.0
+                self._slope += length * last
                 self._finest("advance", length=length, first=int(done == 1))
                 if length == 0.0 or done == iterations:
                     break
@@ -326,14 +342,44 @@ class Descent:
             yield fine, {f"coarse_{name}": coarse[name] for name in ("width", "height", "stride", *names)}
             fine = coarse
 
-    def move(self, stretch: float = 1.0) -> float:
-        """Make the step, so many times; gives the largest change of Z."""
+    def turn(self, *, afresh: bool) -> float:
+        """Choose where to go: by the step that :meth:`solve` found and a share of where it went before.
+
+        The share is that of the method of conjugate gradients for any function (Polak and Ribière 1969), for which the
+        steps are the preconditioned gradients.
+
+        Parameters
+        ----------
+        afresh : bool
+            By the step alone.
+
+        Returns
+        -------
+        float
+            By how much the energy falls along the direction, at first, for each length of it.
+        """
+        share, slope = 0.0, self._slope
         with self._device.lock, in_words(self._device):
-            self._finest("move", stretch=stretch)
+            if not afresh and self._last_slope > 0.0:
+                self._finest("compare_steps", last_direction=self._values["course"])
+                with_last, along_last = self._sums(2).sum(axis=0, dtype=np.float64)
+                share = max(0.0, float(self._slope - with_last) / self._last_slope)
+                slope = self._slope + share * float(along_last)
+                if not slope > _LEAST_FALL * self._slope:
+                    share, slope = 0.0, self._slope
+            self._finest(
+                "turn_direction", correction=self._values["step"], direction=self._values["course"], turn=share
+            )
+        return slope
+
+    def move(self, length: float = 1.0) -> float:
+        """Go in that direction, so many times its length; gives the largest change of Z."""
+        with self._device.lock, in_words(self._device):
+            self._finest("move", direction=self._values["course"], length=length)
             return float(self._sums().max())
 
     def go_back(self) -> None:
-        """Undo the last step."""
+        """Undo the last move."""
         values = self._values
         values["log_depth"], values["before"] = values["before"], values["log_depth"]
 

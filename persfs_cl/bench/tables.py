@@ -396,7 +396,9 @@ def _energy(records: Records) -> str:
         form = two_digits if record.quantity in (ERROR, ANGLE) else number
         rows.setdefault(record.size, []).append(_value(record, form))
     cells = [(f"{size}²", *row) for size, row in rows.items()]
-    return markdown_table(("pixels", _MILLISECONDS, "error, % of the relief", "angle of normals, °"), cells, words=1)
+    return markdown_table(
+        ("pixels", _MILLISECONDS, "iterations", "error, % of the relief", "angle of normals, °"), cells, words=1
+    )
 
 
 def _errors_and_angles(records: Records) -> dict[str, str]:

@@ -22,12 +22,13 @@ from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.scenes.meshes import stanford_bunny
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import Light
-from persfs_cl.solver.energy.minimise import Stopping
+from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 
 ERROR, ERROR_UNIT = "error", "% of the relief"
 ANGLE, ANGLE_UNIT = "angle of normals", "°"
+COUNT, COUNT_UNIT = "iterations", ""
 FLAT, PRIOR, ENERGY = "flat sheet", "prior", "regularised"
 
 NOISES = (0.0, 0.01, 0.03)
@@ -46,8 +47,6 @@ _PRIOR_NOISE = 0.003
 _GUIDED_SIZE, _GUIDED_STEP, _GUIDE_NOISE = 270, 9, 0.02
 _ITERATIONS = 300
 _SIZES = (512, 1024)
-_QUICK = 60
-"""Iterations, by which nearly all is done; what is left creeps."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ def _terrain(plan: Plan, noise: float, step: int, ground: Terrain) -> list[Recor
     found = {
         FLAT: np.zeros_like(ground.height),
         PRIOR: ground.heights(np.exp(prior.log_depth)),
-        ENERGY: ground.heights(_least(plan, ground.image, ground.camera, _LIGHT, None, prior)),
+        ENERGY: ground.heights(_depth(_least(plan, ground.image, ground.camera, _LIGHT, None, prior))),
     }
     if step == STEPS[0]:
         frame = np.full(ground.depth.shape, np.nan)
@@ -181,16 +180,18 @@ def energy(plan: Plan) -> Iterator[list[Record]]:
             continue
         ground = Terrain.photographed(0.01).repeated(size // step * step)
         prior = prior_of_blocks(ground.depth, np.ones(ground.depth.shape, bool), step, tolerance=_PRIOR_NOISE)
-        found: dict[str, Array] = {}
+        found: list[Minimum] = []
 
-        def solve(ground: Terrain = ground, prior: Prior = prior, found: dict[str, Array] = found) -> None:
-            found["depth"] = _least(plan, ground.image, ground.camera, _LIGHT, None, prior, _QUICK)
+        def solve(ground: Terrain = ground, prior: Prior = prior, found: list[Minimum] = found) -> None:
+            found[:] = [_least(plan, ground.image, ground.camera, _LIGHT, None, prior)]
 
         solve()
         timing = timed(plan, {ENERGY: solve}, repeats=min(3, plan.repeats))[ENERGY]
-        height, common = ground.heights(found["depth"]), {"experiment": "energy", "workload": "terrain", "size": size}
+        height, count = ground.heights(_depth(found[0])), len(found[0].changes)
+        common = {"experiment": "energy", "workload": "terrain", "size": size}
         yield [
-            time_record(timing, images=1, precision=plan.precision, iteration=_QUICK, **common),
+            time_record(timing, images=1, precision=plan.precision, iteration=count, **common),
+            _record(plan, "energy", "terrain", size, COUNT, COUNT_UNIT, count),
             _record(plan, "energy", "terrain", size, ERROR, ERROR_UNIT, ground.error(height)),
             _record(plan, "energy", "terrain", size, ANGLE, ANGLE_UNIT, ground.angle(height)),
         ]
@@ -206,7 +207,7 @@ def _with_prior(plan: Plan, name: str, scene: Scene) -> list[Record]:
     found = {
         "alone": alone.depth,
         PRIOR: np.exp(prior.log_depth),
-        ENERGY: _least(plan, scene.image, scene.camera, scene.light, scene.mask, prior),
+        ENERGY: _depth(_least(plan, scene.image, scene.camera, scene.light, scene.mask, prior)),
     }
     return [
         record
@@ -264,16 +265,8 @@ def prior_of_blocks(
     return Prior(np.where(there, np.log(smooth), np.nan), np.where(there, apart / smooth, np.nan), float(step))
 
 
-def _least(
-    plan: Plan,
-    image: Array,
-    camera: ps.Camera,
-    light: Light,
-    mask: Mask | None,
-    prior: Prior,
-    iterations: int = _ITERATIONS,
-) -> Array:
-    """The depth of least energy."""
+def _least(plan: Plan, image: Array, camera: ps.Camera, light: Light, mask: Mask | None, prior: Prior) -> Minimum:
+    """The least energy."""
     sought = Sought(
         image=image,
         grid=camera.grid(image.shape),
@@ -283,8 +276,11 @@ def _least(
         known=np.full(image.shape, np.nan),
         prior=prior,
     )
-    stopping = Stopping(1e-5, by_distance=True, max_iterations=iterations, callback=None)
-    found = regularised(plan.device, sought, stopping, precision=plan.precision)
+    stopping = Stopping(1e-5, by_distance=True, max_iterations=_ITERATIONS, callback=None)
+    return regularised(plan.device, sought, stopping, precision=plan.precision)
+
+
+def _depth(found: Minimum) -> Array:
     return np.asarray(np.exp(found.log_depth + found.level))
 
 

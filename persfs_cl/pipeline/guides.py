@@ -121,7 +121,7 @@ def require_guided(options: Options, albedo: Path | Literal["fit"] | None, guide
     if not guided and guide_unit != 1.0:
         raise InputError.about("guide_unit", guide_unit, f"is without {keyword('guide')}: give one, or leave it out.")
     if albedo == "fit":
-        require_albedo_to_fit("fit", SCHEMES[options["scheme"]], guided=guided)
+        require_albedo_to_fit("fit", SCHEMES[options["scheme"]], options["paint"], guided=guided)
 
 
 def _projected(path: Path, points: Array, camera: Camera, shape: tuple[int, int]) -> Array:

@@ -15,7 +15,7 @@ from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
 from persfs_cl.shading.reflectance import Reflectance
 
-Kind = Literal["sweeps", "shared image", "second order", "render", "smoothing", "rate", "copy"]
+Kind = Literal["sweeps", "shared image", "second order", "render", "smoothing", "energy", "rate", "copy"]
 
 FIRST = "lexicographic"
 ORDERINGS = (FIRST, *(name for name in REGISTERED if name != FIRST))
@@ -40,8 +40,8 @@ class Case:
     ----------
     kind : str
         "sweeps" against the reference; a "shared image", large enough for several work-groups; "second order" against
-        a surface known exactly; "render", the forward model; "smoothing" of what a guide says; and the measurements
-        "rate", of sweeps, and "copy".
+        a surface known exactly; "render", the forward model; "smoothing" of what a guide says; the "energy" of
+        scheme "regularised", and a step that lowers it; and the measurements "rate", of sweeps, and "copy".
     precision : {"float32", "float64"}
     ordering : str
         Empty where nothing is swept.
@@ -51,6 +51,8 @@ class Case:
         As for :func:`persfs_cl.reconstruct`.
     bounded : bool
         Whether depths have bounds.
+    painted : bool
+        Whether ratios of brightness count; of an energy.
     """
 
     kind: Kind
@@ -62,6 +64,7 @@ class Case:
     surface: Surface = "away"
     boundary: Boundary = "wall"
     bounded: bool = False
+    painted: bool = False
 
     @property
     def light_source(self) -> Light:
@@ -85,6 +88,9 @@ class Case:
         parts = [self.light, self.material]
         if self.kind == "render":
             return ", ".join(["render", *parts])
+        if self.kind == "energy":
+            extra = ["painted"] * self.painted + ["with bounds"] * self.bounded
+            return ", ".join(["energy", *parts, *extra])
         parts.append(self.scheme)
         if self.kind != "sweeps":
             return ", ".join([*parts, self.kind])
@@ -118,6 +124,7 @@ def _first() -> Iterator[Case]:
             yield Case("sweeps", precision, ordering, surface="toward")
         yield Case("render", precision)
         yield Case("smoothing", precision)
+        yield Case("energy", precision)
     for precision in PRECISIONS:
         for ordering in ORDERINGS:
             yield Case("sweeps", precision, ordering, "flash", scheme="upwind")
@@ -165,6 +172,15 @@ def _others() -> Iterator[Case]:
         for material in _MATERIALS:
             for precision in PRECISIONS:
                 yield Case("render", precision, "", light, material)
+    for light in ("oblique light", "flash", "lamp off the axis"):
+        for material in _MATERIALS:
+            for precision in PRECISIONS:
+                yield Case("energy", precision, "", light, material)
+    for precision in PRECISIONS:
+        yield Case("energy", precision, "", "frontal light")
+        yield Case("energy", precision, "", "flash without fall-off")
+        yield Case("energy", precision, painted=True)
+        yield Case("energy", precision, bounded=True)
     for light in ("flash without fall-off", "lamp off the axis"):
         yield Case("second order", "float32", "wavefront", light, scheme="upwind")
 

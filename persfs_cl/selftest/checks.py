@@ -21,8 +21,9 @@ from persfs_cl.bench.workloads import iterations, smooth_problem
 from persfs_cl.bench.workloads import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.selftest.cases import FIRST, Case
+from persfs_cl.selftest.energy import PAINTED, PLAIN, derivative, descent_of, multiplied, rough
 from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
-from persfs_cl.selftest.smoothing import noisy_plates, smoothed_plainly
+from persfs_cl.selftest.smoothing import noisy_plates, smoothed_from_blocks
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reference import Reference
 from persfs_cl.solver.schemes import SCHEMES
@@ -42,7 +43,11 @@ _SECOND_ORDER_SHARE = 0.6
 """Of the error at first order, which the correction must undercut."""
 
 _RENDERED = (23, 31)
-_SMOOTHED = (23, 38)
+_SMOOTHED, _LEVELS = (23, 38), 2
+_WHITE, _DAMPING, _LENGTH = 0.1, 1e-3, 0.25
+_DIRECTIONS, _OF_DIFFERENCES = 3, 1e-5
+_MOST_STEPS, _REDUCTIONS, _SOLVED = 300, {"float32": 1e-6, "float64": 1e-9}, 1e-3
+"""Steps of conjugate gradients, where they end, and what may be left of the equations."""
 _RATE_SIZES = {"cpu": 512, "gpu": 2048, "other": 512}
 _SERIAL_SIZE = 96
 """The lexicographic ordering has one work-item, which on a GPU is slow."""
@@ -117,6 +122,7 @@ class Checks:
             "second order": self._second_order,
             "render": self._render,
             "smoothing": self._smoothing,
+            "energy": self._energy,
             "rate": self._rate,
             "copy": self._copy,
         }[case.kind]
@@ -199,18 +205,62 @@ class Checks:
         outcome.compare("brightnesses", _apart(image, expected), TOLERANCES[case.precision])
 
     def _smoothing(self, case: Case, outcome: Outcome) -> None:
-        """Residuals smoothed along edges, against NumPy."""
+        """Residuals smoothed along edges, on one grid and on blocks first, against NumPy."""
         given = noisy_plates(_SMOOTHED)
-        smoother = Smoother(self.device, case.precision, given.right, given.below)
+        for levels in (0, _LEVELS):
+            smoother = Smoother(self.device, case.precision, given.right, given.below, levels)
 
-        def smoothed() -> NDArray[np.float64]:
-            return smoother.smoothed(given.start, given.target, given.votes, given.noise)
+            def smoothed(smoother: Smoother = smoother) -> NDArray[np.float64]:
+                return smoother.smoothed(given.start, given.target, given.votes, given.noise)
 
-        found, seconds = _timed(smoothed)
+            found, seconds = _timed(smoothed)
+            self.compiled()
+            _, again = _timed(smoothed)
+            outcome.compile_seconds += max(0.0, seconds - again)
+            what = f"residuals smoothed on {levels + 1} grids" if levels else "residuals"
+            outcome.compare(what, _apart(found, smoothed_from_blocks(given, levels)), TOLERANCES[case.precision])
+
+    def _energy(self, case: Case, outcome: Outcome) -> None:
+        """An energy, its slopes, its least along a step, and that a step goes there."""
+        weights = PAINTED if case.painted else PLAIN
+        light = case.light_source.of_unit_gain
+        reference, first = rough(light, case.reflectance, weights, bounded=case.bounded)
+        solved = reference.view.solved
+        descent, seconds = _timed(lambda: descent_of(reference, first, self.device, case.precision))
+        found, more = _timed(lambda: descent.linearise(_WHITE))
         self.compiled()
-        _, again = _timed(smoothed)
-        outcome.compile_seconds = max(0.0, seconds - again)
-        outcome.compare("residuals", _apart(found, smoothed_plainly(given)), TOLERANCES[case.precision])
+        _, again = _timed(lambda: descent.linearise(_WHITE))
+        outcome.compile_seconds = max(0.0, seconds + more - again)
+        tolerance = TOLERANCES[case.precision]
+        energy = reference.energy(first, _WHITE)
+        outcome.compare("energies", abs(found.energy - energy) / energy, tolerance)
+
+        descent.assemble(_DAMPING)
+        downhill = descent.read("remainder")[0].astype(np.float64)
+        held = descent.read("inverse_diagonal")[0] == 0.0
+        size = float(np.abs(downhill).sum())
+        # Differences of energies tell slopes less well than the kernels do.
+        least = max(tolerance, _OF_DIFFERENCES)
+        for seed in range(_DIRECTIONS):
+            along = np.random.default_rng(seed).normal(size=first.shape) * (solved & ~held)
+            slope = -derivative(reference, first, along, _WHITE)
+            outcome.compare("slopes", abs(float((downhill * along).sum()) - slope) / size, least)
+
+        descent.solve(_MOST_STEPS, _REDUCTIONS[case.precision])
+        step, matrix = (descent.read(name).astype(np.float64) for name in ("step", "matrix"))
+        left = np.where(held, 0.0, downhill - multiplied(matrix, step[0]))
+        outcome.compare("the sides of a step's equations", float(np.abs(left).max() / np.abs(downhill).max()), _SOLVED)
+
+        fall = descent.turn(afresh=True)
+        outcome.compare("slopes along the step", abs(float((downhill * step[0]).sum()) / fall - 1.0), least)
+        descent.move(_LENGTH)
+        expected = first + _LENGTH * step[0]
+        if reference.view.limits is not None:
+            expected = np.fmin(np.fmax(expected, reference.view.limits[0]), reference.view.limits[1])
+        moved = descent.log_depth()
+        outcome.compare("values after a step", _apart(moved, expected), tolerance)
+        energy = reference.energy(moved.astype(np.float64), _WHITE)
+        outcome.compare("energies after a step", abs(descent.linearise(_WHITE).energy - energy) / energy, tolerance)
 
     def _rate(self, case: Case, outcome: Outcome) -> None:
         """Cell updates a second, over whole iterations."""

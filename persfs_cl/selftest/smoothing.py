@@ -6,7 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from persfs_cl._cl.smoothing import COARSEST, HUBER, LEAST, RELAXATION
+from persfs_cl._cl.smoothing import (
+    COARSEST,
+    FINER,
+    HUBER,
+    LEAST,
+    RELAXATION,
+    reduced_data,
+    reduced_weights,
+    refined,
+)
 from persfs_cl.arrays import Array
 
 
@@ -67,3 +76,16 @@ def smoothed_plainly(given: Data, times: tuple[int, int] = COARSEST) -> Array:
                 change = RELAXATION * (pulled / np.where(total > 0, total, 1.0) - map_)
                 map_ = np.where((colours == colour) & (total > 0), map_ + change, map_)
     return map_
+
+
+def smoothed_from_blocks(given: Data, levels: int) -> Array:
+    """The same, begun on blocks of 2 x 2 pixels, and these on blocks of blocks, so many times."""
+    if not levels:
+        return smoothed_plainly(given)
+    data = reduced_data(given.start, given.target, given.votes)
+    coarse = Data(*data, *reduced_weights(given.right, given.below), given.noise)
+    return _continued(given, smoothed_from_blocks(coarse, levels - 1))
+
+
+def _continued(given: Data, coarse: Array) -> Array:
+    return smoothed_plainly(given._replace(start=refined(coarse, given.start.shape)), FINER)

@@ -210,6 +210,10 @@ def _kernels(case: Case) -> str:
         return probes.KERNEL_FILE
     if case.kind == "render":
         return f"{rendering.KERNEL_FILE} in {case.precision}"
+    if case.kind == "smoothing":
+        return f"smooth in {case.precision}"
+    if case.kind == "energy":
+        return f"linearise and conjugate_gradients in {case.precision}"
     solved_by = SCHEMES[case.scheme]
     scheme = solved_by.kernels(solved_by.model(case.light_source, case.reflectance))[-1]
     order = " at second order" if case.kind == "second order" else ""

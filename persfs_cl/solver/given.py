@@ -182,7 +182,7 @@ def check(
         wanted_of_guide = wanted if barriers is None else wanted & ~barriers
         told = Guide.of(guide, wanted_of_guide, options["guide_kind"], options["guide_scale"])
     require_scale(light, told, options["guide_scale"], others=known_depth is not None or depth_range is not None)
-    fits_albedo = require_albedo_to_fit(albedo, scheme, guided=told is not None)
+    fits_albedo = require_albedo_to_fit(albedo, scheme, options["paint"], guided=told is not None)
     sign = 1.0 if options["surface"] == "away" else -1.0
     depths = None if known_depth is None else as_known_depth("known_depth", known_depth, shape)[0]
     within = None if depth_range is None else DepthRange.of(depth_range, shape)
@@ -290,7 +290,7 @@ def check(
     )
 
 
-def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, *, guided: bool) -> bool:
+def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, paint: str | float, *, guided: bool) -> bool:
     """Whether the albedo is to be found; InputError when it is a word, and cannot be."""
     if not isinstance(albedo, str):
         return False
@@ -309,6 +309,12 @@ def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, *, gui
             albedo,
             f"without {keyword('guide')}: shading alone does not tell paint from shape. Give one, or the albedo "
             "itself.",
+        )
+    if paint != "plain":
+        raise InputError.about(
+            "paint",
+            paint,
+            f"with {keyword('albedo', 'fit')}, which finds how far paint varies. Leave {keyword('paint')} out.",
         )
     return True
 

@@ -130,9 +130,10 @@ def reconstruct(
         spread of ln albedo; "painted" estimates it where the descent begins.
     smoothing : float, optional
         For "regularised": over about how many pixels the surface is smoothed where the shading tells little; 1 when not
-        given, 20 where it is painted.
+        given, 20 where it is painted, 3 where `albedo` is "fit".
     max_iterations : int
-        Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them.
+        Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them. For "regularised"
+        steps of its descent, on all grids together; the sweeps that it may begin with are not counted.
     tolerance : float
         The run has converged when Z is at most this from its limit, as far as the rate tells at which its changes
         shrink, see :attr:`Solution.distance`; or when nothing changes any more, or only rounding does. Z = ln z, so
@@ -140,7 +141,9 @@ def reconstruct(
         iterates until nothing changes, down to the last bit.
     stopping : {"distance", "change"}
         What the tolerance bounds: that distance or, as in the paper, max |ΔZ| over an iteration, which may be hundreds
-        of times less. For "regularised" both are of its descent on the finest grid.
+        of times less. For "regularised" both are of its descent on the finest grid. With "distance" this also ends
+        when five iterations lower the energy by less than 100 `tolerance` of it, 1e-3 at most: a few pixels may then
+        have far to go, most of them in shadow, and :attr:`Solution.distance` says how far.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
@@ -154,7 +157,7 @@ def reconstruct(
         See :func:`devices`. None honours PYOPENCL_CTX, and else takes the first.
     precision : {"float32", "float64"}
     callback : callable, optional
-        Called as ``callback(iteration, change)`` after each iteration; returning True stops the run.
+        Called as ``callback(iteration, change)`` after each iteration that counts; returning True stops the run.
     throw : bool
         Raise ConvergenceError, carrying the solution, when the run did not converge.
 

@@ -39,14 +39,15 @@ class Solution(Outcome):
     walls, discontinuities
         Where the surface may jump, and where it is interrupted; None where no walls were given.
     iterations : int
-        Iterations done, of four sweeps each.
+        Iterations done, of four sweeps each; for "regularised" of steps on all grids, without the sweeps before.
     changes : ndarray of float64, shape (iterations,)
         max |ΔZ| over each iteration.
     status : Status
     distance : float
         Estimate of max |Z - limit|, the limit being where the iteration leads: from the rate at which the changes
         shrink, within a factor of 2 where they do so steadily, and above what rounding leaves. NaN where the changes do
-        not shrink, and after the rounds of an off-axis lamp.
+        not shrink, and after the rounds of an off-axis lamp. For "regularised" it may be above the tolerance though
+        the run has converged, see `stopping` of :func:`persfs_cl.reconstruct`; it tells nothing of other minima.
     elapsed : Elapsed
     parameters : mapping
         The remaining keywords, with "auto" resolved.

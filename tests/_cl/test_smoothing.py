@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
-from persfs_cl._cl.smoothing import FINER, Smoother, reduced_data, reduced_weights, refined
-from persfs_cl.selftest.smoothing import Data, noisy_plates, smoothed_plainly
+from persfs_cl._cl.smoothing import Smoother, reduced_data, reduced_weights
+from persfs_cl.selftest.smoothing import noisy_plates, smoothed_from_blocks, smoothed_plainly
 
 
 @pytest.mark.parametrize("shape", [(23, 38), (1, 9), (7, 1), (2, 2)])
@@ -20,15 +20,12 @@ def test_equals_numpy(device: ps.Device, precision: str, shape: tuple[int, int])
     np.testing.assert_array_equal(smoother.smoothed(given.start, given.target, given.votes, given.noise), found)
 
 
-def test_begins_with_blocks(device: ps.Device) -> None:
+@pytest.mark.parametrize("levels", [1, 2])
+def test_begins_with_blocks(device: ps.Device, levels: int) -> None:
     given = noisy_plates((23, 38))
-    start, target, votes = reduced_data(given.start, given.target, given.votes)
-    coarse = Data(start, target, votes, *reduced_weights(given.right, given.below), given.noise)
-    begun = refined(smoothed_plainly(coarse), given.start.shape)
-    expected = smoothed_plainly(given._replace(start=begun), FINER)
-    smoother = Smoother(device, "float32", given.right, given.below, levels=1)
+    smoother = Smoother(device, "float32", given.right, given.below, levels)
     found = smoother.smoothed(given.start, given.target, given.votes, given.noise)
-    np.testing.assert_allclose(found, expected, atol=2e-6)
+    np.testing.assert_allclose(found, smoothed_from_blocks(given, levels), atol=2e-6)
 
 
 def test_blocks_have_the_votes_and_the_edges_of_their_pixels() -> None:

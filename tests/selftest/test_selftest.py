@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 
 import persfs_cl as ps
 from persfs_cl._cl import device as device_room
+from persfs_cl._cl.energy import Descent
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.choices import Surface
 from persfs_cl.cli.app import app
@@ -28,6 +29,7 @@ from persfs_cl.selftest import checks
 from persfs_cl.selftest.cases import ORDERINGS, PRECISIONS, Case, cases
 from persfs_cl.selftest.checks import Checks
 from persfs_cl.selftest.scenes import EVEN, OBLIQUE, noise
+from persfs_cl.selftest.smoothing import smoothed_from_blocks
 from persfs_cl.selftest.supervisor import examine
 from persfs_cl.shading.equations import HeadlightEquation, MaterialEquation
 from persfs_cl.solver.reference import Reference
@@ -47,6 +49,11 @@ QUICK = [
     Case("sweeps", "float32", "lexicographic", "flash", scheme="upwind"),
     Case("render", "float32", "", "flash"),
     Case("shared image", "float32", "checkerboard"),
+    Case("smoothing", "float32"),
+    Case("energy", "float32"),
+    Case("energy", "float32", "", "flash", "Phong"),
+    Case("energy", "float32", painted=True),
+    Case("energy", "float32", bounded=True),
     Case("copy", "float32"),
     Case("rate", "float32", "lexicographic"),
 ]
@@ -133,6 +140,42 @@ def test_a_wrong_bit_of_the_wavefront_is_found(monkeypatch: pytest.MonkeyPatch) 
     assert "same bits: 1 values differ" in outcome.message
 
 
+@pytest.mark.parametrize(
+    ("method", "factor", "found"),
+    [
+        ("log_depth", 1.1, "values after a step differ"),
+        ("turn", 1.01, "slopes along the step differ"),
+        ("assemble", 1.0, "slopes differ"),
+        ("linearise", 1.001, "energies differ"),
+    ],
+)
+def test_a_wrong_energy_is_found(method: str, factor: float, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = getattr(Descent, method)
+
+    def wrong(self: Descent, *given: Any, **more: Any) -> Any:
+        if method == "assemble":
+            # As kernels do that read an array of something else.
+            self._values["residuals"] = self._values["prior"]
+        result = right(self, *given, **more)
+        if method == "assemble":
+            return result
+        return replace(result, energy=factor * result.energy) if method == "linearise" else factor * result
+
+    monkeypatch.setattr(Descent, method, wrong)
+    outcome = Checks(ps.devices()[0]).run(Case("energy", "float32"))
+    assert not outcome.ok
+    assert found in outcome.message
+
+
+def test_wrong_blocks_of_the_smoothing_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, "_LEVELS", 1)
+    right = smoothed_from_blocks
+    monkeypatch.setattr(checks, "smoothed_from_blocks", lambda given, levels: right(given, 2 * levels))
+    outcome = Checks(ps.devices()[0]).run(Case("smoothing", "float32"))
+    assert "residuals smoothed on 2 grids differ" in outcome.message
+    assert not outcome.message.startswith("residuals differ")
+
+
 def test_a_wrong_forward_model_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "render", lambda *given, **more: 1.001 * ps.render(*given, **more))
     assert "brightnesses differ" in Checks(ps.devices()[0]).run(QUICK[7]).message
@@ -195,6 +238,10 @@ def test_cases_cover_what_there_is_and_begin_with_what_matters(quick: bool) -> N
             (case.light, case.material) for case in listed if (case.kind, case.precision) == ("render", precision)
         }
         assert len(rendered) == 9
+        lowered = {
+            (case.light, case.material) for case in listed if (case.kind, case.precision) == ("energy", precision)
+        }
+        assert len(lowered) == 11
         corrected = [case for case in listed if (case.kind, case.precision) == ("second order", precision)]
         assert {case.ordering for case in corrected} == set(ORDERINGS)
 

@@ -28,7 +28,12 @@ _DARKEST = 1e-3
 
 
 def fit_albedo(
-    device: Device, sought: Sought, stopping: Stopping, *, precision: Precision = "float32"
+    device: Device,
+    sought: Sought,
+    stopping: Stopping,
+    *,
+    smoothing: float | None = None,
+    precision: Precision = "float32",
 ) -> tuple[Minimum, Array]:
     """Find a surface and its paint by turns.
 
@@ -42,6 +47,8 @@ def fit_albedo(
         With a prior.
     stopping : Stopping
         Of each round.
+    smoothing : float, optional
+        Pixels to smooth the surface over; 3 when not given, since paint that is divided out leaves errors.
     precision : {"float32", "float64"}
 
     Returns
@@ -72,6 +79,7 @@ def fit_albedo(
             replace(sought, image=divided),
             replace(stopping, callback=_counting_on(stopping, sum(len(each.changes) for each in rounds))),
             paint=spread,
+            smoothing=smoothing,
             fitted=True,
             precision=precision,
             start=start,

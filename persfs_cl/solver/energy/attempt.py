@@ -95,7 +95,9 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     if trial is not None and (trial.status is Status.STOPPED or len(trial.changes) >= stopping.max_iterations):
         found = trial
     elif problem.fits_albedo:
-        found, albedo = fit_albedo(device, sought, stopping, precision=options["precision"])
+        found, albedo = fit_albedo(
+            device, sought, stopping, smoothing=options["smoothing"], precision=options["precision"]
+        )
         problem = replace(problem, albedo=problem.window.spread(np.nan_to_num(albedo, nan=1.0), 1.0))
     else:
         left = stopping.max_iterations - (0 if trial is None else len(trial.changes))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,7 @@ from persfs_cl.choices import Precision
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.distance import distance_to_limit
+from persfs_cl.solver.energy.line_search import search
 from persfs_cl.solver.energy.view import View, finer, means
 from persfs_cl.solver.energy.weights import Weights
 from persfs_cl.surface.outcome import Status
@@ -23,16 +24,23 @@ from persfs_cl.surface.outcome import Status
 _SMALLEST_SIDE = 16
 """Pixels of the shorter side of the coarsest grid, at least."""
 
-_COARSE_ITERATIONS = 16
-_COARSE_GAIN = 1e-3
+_COARSE_ITERATIONS = 25
+_COARSE_GAIN = 5e-4
 """Share of the energy that an iteration on a coarse grid must gain to be worth another."""
 
-_STEPS, _REDUCTION = 15, 0.3
-"""Of the method of conjugate gradients: steps at most, and the remainder that is small enough. Better steps lead no
-faster to the minimum, since the energy is far from quadratic."""
+_STEPS, _REDUCTION = 5, 0.3
+"""Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. More
+cost more than they gain: the directions made of them go on where they end, and the energy is not quadratic."""
+
+_SPAN, _WORTH, _MOST_WORTH = 5, 100.0, 1e-3
+"""Over so many iterations the energy must fall by this multiple of the tolerance, as a share of it, to be worth more of
+them; and never by more than the last. Where each pixel brings about 1 to the energy, 1e-3 of it is what 5 % of the
+standard deviation of its depth makes."""
+_FEW = 2
+"""Changes before the last one that count with it."""
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e4
-_LONGER, _LONGEST = 1.3, 4.0
+_SHORT, _LONGEST = 0.3, 4.0
 _DAMPED_MORE, _DAMPED_LESS = 10.0, 0.2
 
 
@@ -202,47 +210,59 @@ def _descend(
     if free:
         found.white = here.white
         here = descent.linearise(found.white)
-    energies, changes = [here.energy], []
-    damping, stretch = _FIRST_DAMPING, 1.0
-    status = Status.MAX_ITERATIONS
+    energies: list[float] = [here.energy]
+    changes: list[float] = []
+    whole: list[float] = []
+    damping, length, afresh = _FIRST_DAMPING, 1.0, True
+    status, worth = Status.MAX_ITERATIONS, min(_WORTH * stopping.tolerance, _MOST_WORTH)
     while len(found.changes) < stopping.max_iterations and math.isfinite(here.energy):
         descent.assemble(damping)
         descent.solve(_STEPS, _REDUCTION)
-        change = descent.move(stretch)
-        there = descent.linearise(found.white)
-        if not there.energy <= here.energy:
-            descent.go_back()
+        reached = search(descent, here, descent.turn(afresh=afresh), found.white, length)
+        if reached is None:
             descent.linearise(found.white)
-            if stretch > 1.0:
-                stretch = 1.0
-                continue
-            damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
+            if afresh:
+                damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
+            afresh, length = True, 1.0
             if damping > _MOST_DAMPING:
                 # Nothing lower is found: what is left is rounding.
                 status = Status.CONVERGED
                 break
             continue
+        there = reached.sums
         if free:
             found.white = there.white
             there = descent.linearise(found.white)
+        # A direction that leads nowhere says nothing of the next.
+        afresh = reached.length < _SHORT
+        length = min(max(reached.length, _SHORT), _LONGEST)
         damping = max(_DAMPED_LESS * damping, _LEAST_DAMPING)
-        stretch = min(_LONGER * stretch, _LONGEST)
         gained, here = here.energy - there.energy, there
         energies.append(here.energy)
-        changes.append(change)
-        found.changes.append(change)
-        if stopping.callback is not None and stopping.callback(len(found.changes), change):
+        changes.append(reached.change)
+        whole.append(reached.change / min(1.0, reached.length))
+        found.changes.append(reached.change)
+        if stopping.callback is not None and stopping.callback(len(found.changes), reached.change):
             status = Status.STOPPED
             break
         if not finest:
             if len(changes) == _COARSE_ITERATIONS or gained <= _COARSE_GAIN * here.energy:
                 break
             continue
-        distance = distance_to_limit(changes, rounding) if stopping.by_distance else change
-        if change == 0.0 or distance <= stopping.tolerance:
+        distance = estimated_distance(whole, rounding) if stopping.by_distance else reached.change
+        if reached.change == 0.0 or distance <= stopping.tolerance:
+            status = Status.CONVERGED
+            break
+        if stopping.by_distance and len(energies) > _SPAN and energies[-1 - _SPAN] - here.energy <= worth * here.energy:
             status = Status.CONVERGED
             break
     if finest or status is Status.STOPPED:
         found.status, found.energies = status, energies
         nothing_lower = 0.0 if status is Status.CONVERGED else math.nan
-        found.distance = distance_to_limit(changes, rounding) if changes else nothing_lower
+        found.distance = estimated_distance(whole, rounding) if changes else nothing_lower
+
+
+def estimated_distance(changes: Sequence[float], rounding: float) -> float:
+    """As :func:`distance_to_limit`, of changes that shrink unevenly: each counts as the largest of the last few."""
+    few = [max(changes[max(0, place - _FEW) : place + 1]) for place in range(len(changes))]
+    return distance_to_limit(few, rounding)

@@ -20,7 +20,8 @@ _TOLERANCE = 1e-4
 def swept(device: Device, problem: Problem, options: Options, callback: Callback | None) -> Array:
     """Find ln z by the sweeps, shape (height, width), NaN where they find nothing.
 
-    An energy has many minima, and descends into the one that it begins near. The sweeps need no start.
+    An energy has many minima, and descends into the one that it begins near. The sweeps need no start. They are no
+    iterations of the descent: neither counted, nor heard by the user's callback.
     """
     light, reflectance = problem.model.light, problem.model.reflectance
     scheme = scheme_for(AUTO, light, reflectance, "wall")

@@ -48,7 +48,7 @@ class Scheme(ABC):
     by_energy : bool
         Whether it minimises an energy, see :mod:`persfs_cl.solver.energy`, and sweeps nothing.
     without : tuple of str
-        Keywords that mean nothing to it.
+        Keywords that mean nothing to it. A value is refused that is not the default, which commands give anyway.
     why_without : str
         For who gives one of them all the same.
     outside : float or None

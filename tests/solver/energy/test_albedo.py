@@ -85,6 +85,10 @@ def test_a_guide_tells_paint_from_shape(device: ps.Device) -> None:
     [
         ({"scheme": "regularised"}, "albedo='fit' without guide.*paint from shape"),
         ({"guide": np.ones((3, 3))}, "albedo='fit' with scheme='upwind'.*scheme='regularised'"),
+        (
+            {"scheme": "regularised", "guide": np.ones((3, 3)), "paint": 0.3},
+            "paint=0.3 with albedo='fit'.*Leave paint out",
+        ),
         ({"albedo": "paint.png"}, "albedo='paint.png' is no array"),
     ],
 )
@@ -92,6 +96,17 @@ def test_it_wants_a_guide_and_the_scheme(keywords: dict[str, Any], message: str)
     scene = ps.bump((20, 20), light=ps.FlashLight())
     with pytest.raises(ps.InputError, match=message):
         ps.reconstruct(scene.image, scene.camera, light=scene.light, **{"albedo": "fit", **keywords})
+
+
+def test_smoothing_counts_when_the_paint_is_found_too(device: ps.Device) -> None:
+    scene = ps.bump((48, 48), light=ps.FlashLight(), noise=0.02)
+    guide = scene.depth.reshape(6, 8, 6, 8).mean(axis=(1, 3))
+    given: dict[str, Any] = {"light": scene.light, "scheme": "regularised", "albedo": "fit", "device": device}
+    rough, smooth = (
+        ps.reconstruct(scene.image, scene.camera, guide=guide, smoothing=over, max_iterations=20, **given).log_depth
+        for over in (0.5, 8.0)
+    )
+    assert np.abs(np.diff(smooth, 2, axis=1)).mean() < 0.5 * np.abs(np.diff(rough, 2, axis=1)).mean()
 
 
 def test_smoothing_stops_at_edges() -> None:

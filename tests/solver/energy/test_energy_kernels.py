@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import persfs_cl as ps
 from persfs_cl._cl import energy
-from persfs_cl._cl.energy import Descent
+from persfs_cl.choices import Precision
+from persfs_cl.selftest.energy import PAINTED, PLAIN, derivative, descent_of, rough
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.energy.minimise import terms_of
 from persfs_cl.solver.energy.reference import Reference
-from persfs_cl.solver.energy.view import View
 from persfs_cl.solver.energy.weights import Weights
 
 Array = NDArray[np.float64]
 
-PLAIN = Weights(
-    painted=False,
-    noise=0.03,
-    share=0.05,
-    floor=0.02,
-    dark=0.02,
-    weight=1.3,
-    scale=3.0,
-    prior_weight=0.4,
-    prior_scale=2.0,
-    smoothness=0.7,
-    crease=0.2,
-)
-PAINTED = replace(PLAIN, painted=True, noise=0.3, share=0.0, weight=0.08, scale=1.8, crease=0.02)
 LIGHTS: dict[str, Light] = {
     "front": ps.ParallelLight(),
     "side": ps.ParallelLight(0.6, -0.3),
@@ -56,47 +39,14 @@ CASES = [
 def problem(
     light: str, material: str, weights: Weights, shape: tuple[int, int] = (11, 14), spacing: int = 1
 ) -> tuple[Reference, Array]:
-    """An energy with all of its terms, a hole in the mask, and some known pixels; and a surface."""
-    rng = np.random.default_rng(7)
-    grid = ps.Camera(focal_length=(20.0, 24.0)).grid(shape)
-    x, y = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
-    log_depth = 0.06 * np.sin(x / 2.0) * np.cos(y / 3.0) + rng.normal(0.0, 0.004, shape)
-    solved = np.ones(shape, bool)
-    solved[4:6, 3:5] = solved[0, 0] = solved[-1, 5] = False
-    solved[6, 5:7] = False
-    known = np.full(shape, np.nan)
-    known[6, 5:7] = log_depth[6, 5:7]
-    certainty = np.where((rng.random(shape) < 0.7) & solved, rng.uniform(10.0, 60.0, shape), 0.0)
-    view = View(
-        image=rng.uniform(0.1, 0.9, shape),
-        solved=solved,
-        known=known,
-        prior=np.where(certainty > 0.0, log_depth + rng.normal(0.0, 0.03, shape), np.nan),
-        certainty=certainty,
-        limits=None,
-        grid=grid,
-        spacing=spacing,
-    )
-    return Reference(view, LIGHTS[light], MATERIALS[material], weights), np.where(view.present, log_depth, 0.0)
-
-
-def descent_of(reference: Reference, log_depth: Array, device: ps.Device, precision: str) -> Descent:
-    terms = terms_of(reference.view, log_depth, reference.light, reference.reflectance, reference.weights)
-    kernels = ["elementary", reference.reflectance.kernel, reference.light.shading_kernel]
-    return Descent(device, terms, kernels, precision)
-
-
-def derivative(reference: Reference, log_depth: Array, direction: Array, white: float) -> float:
-    """Of the energy along a direction, by central differences of fourth order."""
-    step = 1e-5
-    ahead, behind, farther, before = (
-        reference.energy(log_depth + factor * step * direction, white) for factor in (1.0, -1.0, 2.0, -2.0)
-    )
-    return (8.0 * (ahead - behind) - (farther - before)) / (12.0 * step)
+    """An energy with all of its terms, and a surface."""
+    return rough(LIGHTS[light], MATERIALS[material], weights, shape, spacing=spacing)
 
 
 @pytest.mark.parametrize(("light", "material", "weights"), CASES)
-def test_energy_and_gradient(device: ps.Device, precision: str, light: str, material: str, weights: Weights) -> None:
+def test_energy_and_gradient(
+    device: ps.Device, precision: Precision, light: str, material: str, weights: Weights
+) -> None:
     reference, log_depth = problem(light, material, weights)
     white = 0.1 if weights.painted else 0.0
     descent = descent_of(reference, log_depth, device, precision)
@@ -162,7 +112,7 @@ def dense(planes: Array) -> Array:
 
 
 @pytest.mark.parametrize(("light", "material", "weights"), CASES[2:5])
-def test_matrix_and_step(device: ps.Device, precision: str, light: str, material: str, weights: Weights) -> None:
+def test_matrix_and_step(device: ps.Device, precision: Precision, light: str, material: str, weights: Weights) -> None:
     reference, log_depth = problem(light, material, weights, (9, 8))
     descent = descent_of(reference, log_depth, device, precision)
     descent.linearise(0.0)
@@ -192,8 +142,35 @@ def test_devices_without_vectors_find_the_same(device: ps.Device, monkeypatch: p
         sums = descent.linearise(0.0)
         descent.assemble(1e-3)
         descent.solve(8, 1e-3)
+        descent.turn(afresh=True)
         change = descent.move()
         found.append((sums.energy, change, descent.log_depth()))
     assert found[1][0] == pytest.approx(found[0][0], rel=1e-6)
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-3)
     np.testing.assert_allclose(found[1][2], found[0][2], atol=1e-4 * found[0][1])
+
+
+@pytest.mark.parametrize("weights", [PLAIN, PAINTED], ids=["plain", "painted"])
+def test_directions_go_on_and_tell_their_slope(device: ps.Device, precision: Precision, weights: Weights) -> None:
+    reference, log_depth = problem("lamp", "phong", weights)
+    descent = descent_of(reference, log_depth, device, precision)
+    before = np.zeros_like(log_depth)
+    for turn in range(3):
+        here = descent.log_depth().astype(np.float64)
+        descent.linearise(0.0)
+        descent.assemble(1e-3)
+        descent.solve(3, 0.1)
+        slope = descent.turn(afresh=turn == 0)
+        course, step = descent.read("course")[0].astype(np.float64), descent.read("step")[0].astype(np.float64)
+        assert slope > 0.0
+        assert slope == pytest.approx(-derivative(reference, here, course, 0.0), rel=2e-3)
+        apart = np.abs(course - step).max()
+        if turn == 0:
+            assert apart == 0.0
+        elif turn == 1:
+            share = ((course - step) * before).sum() / (before**2).sum()
+            np.testing.assert_allclose(course - step, share * before, atol=1e-4 * np.abs(course).max())
+        before = course
+        descent.move(0.3)
+    descent.go_back()
+    np.testing.assert_array_equal(descent.log_depth(), here.astype(descent.log_depth().dtype))

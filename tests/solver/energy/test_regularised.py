@@ -14,7 +14,7 @@ import persfs_cl as ps
 from persfs_cl.bench.terrain import Terrain, prior_of_blocks
 from persfs_cl.choices import Precision
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.energy.minimise import Minimum, Stopping
+from persfs_cl.solver.energy.minimise import Minimum, Stopping, estimated_distance
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.weights import noise_of
 
@@ -236,6 +236,29 @@ def test_it_is_chosen_by_name_only() -> None:
     named = ps.reconstruct(scene.image, scene.camera, light=scene.light, scheme="regularised")
     assert named.parameters["scheme"] == "regularised"
     assert not {"ordering", "boundary", "accuracy_order"} & named.parameters.keys()
+
+
+def test_it_ends_where_little_is_gained(device: ps.Device) -> None:
+    """A lower tolerance leads on, and what the distance says of the rest is not less than the tolerance then."""
+    what = sought()[1]
+    usual, strict = (
+        regularised(device, what, Stopping(tolerance, True, 2000, None), precision="float32")
+        for tolerance in (1e-5, 1e-7)
+    )
+    assert usual.status is strict.status is ps.Status.CONVERGED
+    assert len(usual.changes) < 150
+    assert usual.energies[-6] - usual.energies[-1] <= 1e-3 * usual.energies[-1] or usual.distance <= 1e-5
+    assert strict.energies[-1] <= usual.energies[-1] <= 1.02 * strict.energies[-1]
+    by_change = regularised(device, what, Stopping(1e-5, False, 2000, None), precision="float32")
+    assert by_change.status is ps.Status.CONVERGED
+    assert by_change.changes[-1] <= 1e-5
+
+
+def test_changes_that_shrink_unevenly_do_not_look_nearer_than_they_are() -> None:
+    even = [0.5**place for place in range(20)]
+    assert estimated_distance(even, 1e-9) == pytest.approx(4.0 * even[-1], rel=0.2)
+    uneven = [*even[:-1], 1e-3 * even[-1]]
+    assert estimated_distance(uneven, 1e-9) >= even[-1]
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.05])
