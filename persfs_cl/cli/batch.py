@@ -20,6 +20,7 @@ from persfs_cl.cli.options import (
     GuideOption,
     GuideUnitOption,
     NearOption,
+    SizeOption,
     chosen_albedo,
     chosen_bounds,
     chosen_camera,
@@ -160,6 +161,7 @@ def batch(
         ),
     ] = None,
     guide_unit: GuideUnitOption = 1.0,
+    size: SizeOption = None,
     save: SaveOption = DEFAULT_ITEMS,
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     shard: Annotated[
@@ -235,6 +237,7 @@ def batch(
         guides=guides,
         guide=chosen_guide(guide, guide_unit),
         guide_unit=guide_unit,
+        size=size,
         brightness=brightness,
         light=light,
         reflectance=reflectance,

@@ -18,6 +18,7 @@ from persfs_cl.cli.options import (
     GuideOption,
     GuideUnitOption,
     NearOption,
+    SizeOption,
     chosen_albedo,
     chosen_bounds,
     chosen_camera,
@@ -95,6 +96,7 @@ def reconstruct(
     far: FarOption = None,
     guide: GuideOption = None,
     guide_unit: GuideUnitOption = 1.0,
+    size: SizeOption = None,
     save: SaveOption = "depth,mesh,pictures,page,report",
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     keywords: Options,
@@ -123,6 +125,7 @@ def reconstruct(
         light=light,
         reflectance=reflectance,
         keywords=keywords,
+        size=size,
     )
     check_folder(output, overwrite=overwrite)
     line = progress_line(keywords["tolerance"], keywords["max_iterations"], keywords["stopping"])

@@ -20,6 +20,7 @@ from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
+from persfs_cl.pipeline.frames import LEAST_SIZE
 from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
@@ -272,6 +273,7 @@ def batch(
     guide: FilePath | None = None,
     guide_unit: float = 1.0,
     frames: str | None = None,
+    size: int | None = None,
     save: str | Iterable[str] = DEFAULT_ITEMS,
     mesh_faces: int | None = DEFAULT_MESH_FACES,
     again: Again = "changed",
@@ -314,6 +316,8 @@ def batch(
         What the numbers of guides are multiplied by.
     frames : str, optional
         Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
+    size : int, optional
+        Pixels that the longer side is reduced to, by means over areas, with all that goes with a photograph.
     save, mesh_faces
         What is written, as for :meth:`persfs_cl.surface.saving.Saving.of`.
     again : {"changed", "all", "none", "failed"}
@@ -394,6 +398,7 @@ def batch(
         far=far,
         guide=None if guide is None else GuideFile(as_path(guide), guide_unit),
         guide_unit=guide_unit,
+        size=None if size is None else as_whole_number("size", size, least=LEAST_SIZE),
         brightness=brightness,
         light=settings["light"],
         reflectance=settings["reflectance"],

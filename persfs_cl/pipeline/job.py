@@ -13,21 +13,24 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.colour import encode_srgb
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.framing.maps import Maps
 from persfs_cl.guide.guide import Points
 from persfs_cl.io.maps import read_depth, read_light, read_mask
 from persfs_cl.io.photos import Photo, read_frame, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.frames import frames_for
 from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.pipeline.results import PhotoSolution
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
-from persfs_cl.preparation.prepared import PreparedPhoto
+from persfs_cl.preparation.prepared import PreparedPhoto, framed
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
@@ -63,6 +66,8 @@ class Job:
         Further keywords of :func:`persfs_cl.reconstruct`.
     frame : int or None
         Of a video, which frame is the photo.
+    size : int or None
+        Pixels of the longer side that are solved, at most.
     """
 
     path: Path
@@ -79,6 +84,7 @@ class Job:
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
     frame: int | None = None
+    size: int | None = None
 
     @property
     def title(self) -> str:
@@ -103,6 +109,7 @@ class JobInputs:
     photo : Photo
     preparation : Preparation
     camera : Camera
+        Of the photo.
     source : str
         What told the focal length.
     wanted : ndarray of bool, shape (height, width)
@@ -145,10 +152,13 @@ class PreparedJob:
         With the maps of saturated pixels, highlights and others.
     image, unfiltered : ndarray of float64, shape (height, width)
         What is solved, and the photo itself on the same scale.
-    mask : ndarray of bool, shape (height, width)
-        Pixels to solve.
-    known_depth : ndarray of float64, shape (height, width), or None
-        NaN where unknown; None leaves it to the solver what to assume.
+    camera : Camera
+        A pinhole camera, that of the image.
+    maps : Maps
+        What goes with the image: its mask is what is solved; without known depths it is left to the solver what to
+        assume.
+    colour : ndarray of uint8, shape (height, width, 3)
+        Of the photo, for people to look at.
     report : mapping
         What the report says besides what it says of the solution.
     """
@@ -157,21 +167,10 @@ class PreparedJob:
     prepared: PreparedPhoto
     image: Array
     unfiltered: Array
-    mask: Mask
-    known_depth: Array | None
+    camera: Camera
+    maps: Maps
+    colour: NDArray[np.uint8]
     report: Mapping[str, Any]
-
-    @property
-    def maps(self) -> dict[str, Any]:
-        """What goes with the image, by the keywords of :func:`persfs_cl.reconstruct`."""
-        return {
-            "mask": self.mask,
-            "walls": self.inputs.walls,
-            "known_depth": self.known_depth,
-            "albedo": self.inputs.albedo,
-            "depth_range": self.inputs.depth_range,
-            "guide": self.inputs.guide,
-        }
 
 
 def read_job(job: Job) -> JobInputs:
@@ -222,31 +221,44 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     PersfsError
         Naming the photo.
     """
-    job, photo, wanted, walls = inputs.job, inputs.photo, inputs.wanted, inputs.walls
-    depths = inputs.known_depth
-    assumed = depths is None and inputs.depth_range is None and inputs.guide is None and job.light.flat_rim
-    known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
-    solvable = wanted
+    job, photo, walls = inputs.job, inputs.photo, inputs.walls
+    camera, colour = inputs.camera, photo.colour
+    maps = Maps(inputs.wanted, walls, inputs.known_depth, inputs.albedo, inputs.depth_range, inputs.guide)
     with _naming(job.title):
         _require_shading(photo, inputs.lit)
-        prepared = prepare_photo(photo, inputs.camera, inputs.preparation, mask=inputs.lit)
+        prepared = prepare_photo(photo, camera, inputs.preparation, mask=inputs.lit)
+        told = prepared.mask
         if walls is not None:
-            seen = wanted & np.isfinite(photo.image)
+            seen = inputs.wanted & np.isfinite(photo.image)
             # Their light tells which side walls belong to: corrected like all other, but not mixed with it.
             alone = replace(inputs.preparation, highlights="keep", clip_highlights=None, mean_filter=1)
-            of_walls = prepare_photo(photo, inputs.camera, alone, mask=seen).light
+            of_walls = prepare_photo(photo, camera, alone, mask=seen).light
             prepared = replace(
                 prepared,
                 light=np.where(walls & seen, of_walls, prepared.light),
                 unfiltered=np.where(walls & seen, of_walls, prepared.unfiltered),
             )
+            told = told | (walls & seen)
+        for frame in frames_for(camera, (told.shape[0], told.shape[1]), job.size):
+            prepared, told = framed(prepared, frame, told), frame.mostly(told)
+            maps, colour, camera = maps.framed(frame), frame.colour(colour), frame.camera
+        wanted = np.ones(told.shape, bool) if maps.mask is None else maps.mask
+        if not (prepared.mask & wanted).any():
+            raise InputError(
+                f"{prepared.mask.shape[1]} × {prepared.mask.shape[0]} pixels leave none to solve: give a larger "
+                f"{keyword('size')}, or a mask that leaves more."
+            )
         image, unfiltered, done = job.brightness.applied(prepared, job.light)
+        depths, walls = maps.known_depth, maps.walls
+        assumed = depths is None and maps.depth_range is None and maps.guide is None and job.light.flat_rim
+        known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
+        solvable = wanted
         if prepared.masked.any():
             solvable = wanted & ~prepared.masked
             if assumed:
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
-                albedo = None if isinstance(inputs.albedo, str) else inputs.albedo
+                albedo = None if isinstance(maps.albedo, str) else maps.albedo
                 looked_at = solvable if walls is None else solvable & ~walls
                 brightness = image if albedo is None else image / albedo
                 warn_of_steep_outline(brightness, looked_at, wanted, job.light, job.reflectance)
@@ -255,6 +267,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             **done,
             "encoding": photo.encoding,
             "bits": photo.bits,
+            "size": list(photo.image.shape[::-1]),
             **{name: str(file) if isinstance(file, Path) else file for name, file in job.files.items()},
             **({} if job.frame is None else {"frame": job.frame}),
         },
@@ -262,10 +275,11 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             "pixels": int(np.count_nonzero(known)),
             "assumed": "z = 1 on the edge of the image or mask" if assumed else None,
         },
-        "camera": {"source": inputs.source, "horizontal_view": horizontal_view(inputs.camera, wanted.shape)},
-        "requested": {**job.camera.said, "device": job.keywords.get("device")},
+        "camera": {"source": inputs.source, "horizontal_view": horizontal_view(camera, image.shape)},
+        "requested": {**job.camera.said, "size": job.size, "device": job.keywords.get("device")},
     }
-    return PreparedJob(inputs, prepared, image, unfiltered, solvable, depths, report)
+    maps = replace(maps, mask=solvable, known_depth=depths)
+    return PreparedJob(inputs, prepared, image, unfiltered, camera, maps, colour, report)
 
 
 def pose(ready: PreparedJob, options: Options) -> Problem:
@@ -284,12 +298,13 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
     """
     inputs = ready.inputs
     with _naming(inputs.job.title):
-        return Problem.of(check(ready.image, inputs.camera, **ready.maps, options=options, whole=False))
+        return Problem.of(check(ready.image, ready.camera, **vars(ready.maps), options=options, whole=False))
 
 
 def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:
     """A photo with its surface."""
-    return PhotoSolution(solution, ready.inputs.photo, ready.prepared, ready.unfiltered, ready.report)
+    path = ready.inputs.photo.path
+    return PhotoSolution(solution, path, ready.colour, ready.prepared, ready.unfiltered, ready.report)
 
 
 def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution:
@@ -312,8 +327,8 @@ def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution
     with _naming(job.title):
         solution = reconstruct(
             ready.image,
-            inputs.camera,
-            **ready.maps,
+            ready.camera,
+            **vars(ready.maps),
             **keywords,
         )
     return finished(ready, solution)

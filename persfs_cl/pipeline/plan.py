@@ -55,7 +55,7 @@ class Plan:
         One for all photos.
     guide_unit : float
         Of those in the folder.
-    brightness, light, reflectance, keywords
+    size, brightness, light, reflectance, keywords
         As for :class:`persfs_cl.pipeline.job.Job`.
     saving : Saving
     """
@@ -72,6 +72,7 @@ class Plan:
     guides: Path | None = None
     guide: GuideFile | None = None
     guide_unit: float = 1.0
+    size: int | None = None
     brightness: Brightness = field(default_factory=Brightness)
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
@@ -107,6 +108,7 @@ class Plan:
             reflectance=self.reflectance,
             keywords=self.keywords,
             frame=one.frame,
+            size=self.size,
         )
 
     def require_files(self) -> None:
@@ -140,6 +142,7 @@ class Plan:
             },
             "guide": None if self.guide is None else str(self.guide.path),
             "guide_unit": self.guide_unit if self.guide is None else self.guide.unit,
+            "size": self.size,
             "brightness": _plain(self.brightness),
             "light": _plain(self.light),
             "reflectance": _plain(self.reflectance),
@@ -163,6 +166,7 @@ class Plan:
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),
             "frame": job.frame,
+            "size": job.size,
             "files": self.saving.files,
             "mesh_faces": self.saving.mesh_faces if self.saving.meshes else None,
         }

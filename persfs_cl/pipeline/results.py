@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.gallery.index import write_index
 from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
-from persfs_cl.io.photos import Photo
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.surface.saving import PAGE, PREVIEW, Saving
@@ -32,7 +32,10 @@ class PhotoSolution:
     Attributes
     ----------
     solution : Solution
-    photo : Photo
+    path : Path
+        The photo's file.
+    colour : ndarray of uint8, shape (height, width, 3)
+        Of the photo, for people to look at.
     prepared : PreparedPhoto
         With the maps of saturated pixels, highlights and others.
     unfiltered : ndarray of float64, shape (height, width)
@@ -42,7 +45,8 @@ class PhotoSolution:
     """
 
     solution: Solution
-    photo: Photo
+    path: Path
+    colour: NDArray[np.uint8]
     prepared: PreparedPhoto
     unfiltered: Array
     report: Mapping[str, Any]
@@ -142,7 +146,7 @@ def write(
         "saturated": prepared.saturated,
         "clipped": prepared.clipped,
     }
-    title = name or solved.photo.path.name
+    title = name or solved.path.name
     derived = Derived(solution, unreliable)
 
     def report() -> dict[str, Any]:
@@ -151,12 +155,12 @@ def write(
 
     with filling(folder) as temporary:
         written = write_files(
-            temporary, solution, saving, derived, colour=solved.photo.colour, report=report, threads=threads
+            temporary, solution, saving, derived, colour=solved.colour, report=report, threads=threads
         )
         if not set(PREVIEW).isdisjoint(saving.files):
-            written += write_preview(temporary, solution, solved.photo.colour, name=title, wanted=saving.files)
+            written += write_preview(temporary, solution, solved.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:
-            about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.photo.path), "status": "done"}
+            about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.path), "status": "done"}
             written.append(write_index(temporary, [about], title=title, parameters=solution.parameters).name)
     return [folder / file for file in written]
 

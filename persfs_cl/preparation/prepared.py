@@ -11,6 +11,7 @@ import numpy as np
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import as_number, check_choice
 from persfs_cl.errors import InputError
+from persfs_cl.framing.frame import Frame
 from persfs_cl.preparation.normalise import brightest_diffuse, normalise_grey, normalise_linear
 
 Normalise = Literal["linear", "grey", "none"]
@@ -159,3 +160,25 @@ class NormalisedPhoto:
         height, width = self.image.shape
         scale = ", ".join(f"{name}={self.report[name]:.4g}" for name in ("black", "white"))
         return f"<NormalisedPhoto, {width} x {height} pixels, {self.report['normalise']}, {scale}>"
+
+
+def framed(prepared: PreparedPhoto, frame: Frame, told: Mask) -> PreparedPhoto:
+    """A photo made ready, with the pixels of another frame.
+
+    Parameters
+    ----------
+    prepared : PreparedPhoto
+    frame : Frame
+    told : ndarray of bool, shape (H, W)
+        Pixels whose light is known: those to solve, and those of walls.
+    """
+    flagged = ("below_ambient", "saturated", "specular", "filled", "clipped")
+    mask = frame.mostly(prepared.mask)
+    return PreparedPhoto(
+        light=frame.light(prepared.light, told)[0],
+        unfiltered=frame.light(prepared.unfiltered, told | prepared.masked)[0],
+        mask=mask,
+        masked=frame.mostly(prepared.mask | prepared.masked) & ~mask,
+        **{name: frame.anywhere(getattr(prepared, name)) for name in flagged},
+        report=prepared.report,
+    )
