@@ -21,10 +21,12 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
+    from persfs_cl.framing.maps import undistort
     from persfs_cl.guide.fit import GuideFit
     from persfs_cl.guide.guide import Points
     from persfs_cl.io.maps import read_depth, read_light, read_mask
     from persfs_cl.io.photos import read_image, read_photo
+    from persfs_cl.lens import Fisheye
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.pipeline.batch import BatchResult, batch
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear

@@ -162,7 +162,8 @@ def undistorted(distortion: Distortion, places: Array) -> Array:
             determinant = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]
             found[:, 0] -= (off[:, 0] * down[:, 1] - off[:, 1] * down[:, 0]) / determinant
             found[:, 1] -= (off[:, 1] * right[:, 0] - off[:, 0] * right[:, 1]) / determinant
-        there = (np.abs(distorted(distortion, found) - places) < _CLOSE).all(axis=1) & (np.abs(found) < _WIDEST).all(1)
+        close = np.abs(distorted(distortion, found) - places) < _CLOSE
+        there = np.all(close & (np.abs(found) < _WIDEST), axis=1)
         there[there] = unfolded(distortion, found[there])
     found[~there] = np.nan
     return found

@@ -270,10 +270,10 @@ def _distortion(text: str | None) -> Distortion | None:
     if text is None:
         return None
     if text.startswith(_FISHEYE):
-        counts = range(1, 5)
-        return Fisheye(*finite_numbers("--distortion", text.removeprefix(_FISHEYE), "fisheye:K1,K2,K3,K4", counts))
-    counts = (4, 5, 8, 12, 14)
-    return as_distortion(finite_numbers("--distortion", text, "4, 5, 8, 12 or 14 numbers, or fisheye:K1,...", counts))
+        given, meaning = text.removeprefix(_FISHEYE), f"one to four numbers behind {_FISHEYE}"
+        return Fisheye(*finite_numbers("--distortion", given, meaning, range(1, 5)))
+    meaning = f"4, 5, 8, 12 or 14 numbers, or {_FISHEYE}K1,K2,K3,K4"
+    return as_distortion(finite_numbers("--distortion", text, meaning, (4, 5, 8, 12, 14)))
 
 
 def require_focal_length(choice: CameraChoice) -> None:

@@ -102,7 +102,8 @@ class Frame(ABC):
         """Points that are in the new view too; None if there is none."""
         places = self.placed(np.stack([points.columns, points.rows], axis=1))
         there = np.isfinite(places).all(axis=1)
-        return Points(*places[there].T, points.depths[there]) if there.any() else None
+        columns, rows = places[there].T
+        return Points(columns, rows, points.depths[there]) if there.any() else None
 
     def colour(self, colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """A picture of shape (height, width, channels), for people to look at."""

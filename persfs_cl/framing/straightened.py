@@ -173,7 +173,7 @@ class Straightened(Frame):
         total = np.bincount(cell[known], says[known], minlength=cells[0] * cells[1])
         whole = np.bincount((down[:, None] * cells[1] + across).ravel(), minlength=cells[0] * cells[1])
         found = np.divide(total, count, out=np.full(count.shape, np.nan), where=2 * count >= whole)
-        return found.reshape(cells)
+        return np.asarray(found.reshape(cells))
 
 
 def _matrix(camera: Camera, shape: tuple[int, int]) -> Array:

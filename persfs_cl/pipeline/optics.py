@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +74,11 @@ class CameraChoice:
     @property
     def said(self) -> dict[str, Any]:
         """What is said of the camera itself, for the report."""
-        return {name: getattr(self, name) for name in ("focal_length", "fov", "principal_point", "distortion")}
+        lens = self.distortion
+        return {
+            **{name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")},
+            "distortion": {"fisheye": astuple(lens)} if isinstance(lens, Fisheye) else lens,
+        }
 
     def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
         """The camera of an image, and what told its focal length.

@@ -159,7 +159,7 @@ def _bent_vignetting(camera: Camera, shape: tuple[int, int], power: float) -> Ar
     if min(order) < 1:
         return np.broadcast_to(share, shape)
     found = RectBivariateSpline(down, across, share, kx=order[0], ky=order[1])(np.arange(shape[0]), np.arange(shape[1]))
-    return np.clip(found, share.min(), 1.0)
+    return np.asarray(np.clip(found, share.min(), 1.0))
 
 
 def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:

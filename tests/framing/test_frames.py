@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lenses import depth, flashed, places
 
 import persfs_cl as ps
 from persfs_cl.arrays import Array
@@ -14,7 +15,6 @@ from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.maps import Maps
 from persfs_cl.framing.reduced import Reduced, reduced_shape
 from persfs_cl.framing.straightened import Straightened
-from lenses import depth, flashed, places
 
 SHAPE = (96, 128)
 BARREL = ps.Camera(150.0, distortion=(-0.25, 0.06, 0.002, -0.001))
@@ -78,8 +78,8 @@ def test_a_wall_stays_closed(frame: Frame) -> None:
     walls = np.zeros(SHAPE, bool)
     walls[50] = True
     framed = frame.anywhere(walls)
-    ends = frame.placed(np.array([[1.0, 50.0], [126.0, 50.0]]))[:, 0]
-    assert framed.any(axis=0)[int(ends[0]) : int(ends[1])].all()
+    first, last = frame.placed(np.array([[1.0, 50.0], [126.0, 50.0]]))[:, 0]
+    assert np.all(np.any(framed, axis=0)[int(first) : int(last)])
 
 
 def test_points_lie_where_their_pixels_are(frame: Frame) -> None:
@@ -92,21 +92,19 @@ def test_points_lie_where_their_pixels_are(frame: Frame) -> None:
         assert spread[round(row), round(column)] > 0.0
 
 
+def _middles(cells: tuple[int, ...], shape: tuple[int, int]) -> Array:
+    """Column and row of the middles of the cells of a map over an image."""
+    down, across = ((np.arange(count) + 0.5) * size / count - 0.5 for count, size in zip(cells, shape, strict=True))
+    return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+
+
 @pytest.mark.parametrize("cells", [(12, 16), (96, 128), (200, 260)])
 def test_a_guide_says_the_same_of_the_same_rays(frame: Frame, cells: tuple[int, int]) -> None:
     camera = BARREL if isinstance(frame, Straightened) else ps.Camera(150.0)
-    rows, columns = np.indices(cells)
-    pixels = [(along + 0.5) * size / count - 0.5 for along, size, count in zip((rows, columns), SHAPE, cells, strict=True)]
-    at = camera.places(np.stack([pixels[1].ravel(), pixels[0].ravel()], axis=1), SHAPE)
-    guide = depth(*at.T.reshape(2, *cells))
-    found = frame.guide(guide)
-    rows, columns = np.indices(found.shape)
-    pixels = [
-        (along + 0.5) * size / count - 0.5
-        for along, size, count in zip((rows, columns), frame.shape, found.shape, strict=True)
-    ]
-    at = frame.camera.places(np.stack([pixels[1].ravel(), pixels[0].ravel()], axis=1), frame.shape)
-    off = np.abs(found - depth(*at.T.reshape(2, *found.shape)))
+    x, y = camera.places(_middles(cells, SHAPE), SHAPE).T
+    found = frame.guide(depth(x, y).reshape(cells))
+    x, y = frame.camera.places(_middles(found.shape, frame.shape), frame.shape).T
+    off = np.abs(found - depth(x, y).reshape(found.shape))
     assert np.isfinite(off).mean() > 0.8
     assert np.nanmean(off) < (0.01 if cells[0] < 20 else 0.002)
 
@@ -159,7 +157,12 @@ def test_a_batch_mixes_lenses() -> None:
 
 @pytest.mark.parametrize(
     ("name", "given"),
-    [("mask", np.ones((3, 3), bool)), ("known_depth", np.ones((3, 3))), ("depth_range", (2.0, 1.0)), ("guide", "a.npy")],
+    [
+        ("mask", np.ones((3, 3), bool)),
+        ("known_depth", np.ones((3, 3))),
+        ("depth_range", (2.0, 1.0)),
+        ("guide", "a.npy"),
+    ],
 )
 def test_what_does_not_fit_the_bent_image_is_refused(name: str, given: Any) -> None:
     with pytest.raises(InputError, match=name):

@@ -133,9 +133,7 @@ def test_cameras_of_colmap(tmp_path: Path, line: str, camera: ps.Camera) -> None
         ("cameras.txt", "1 OPENCV 4 4 1 1 1 1 1\n", InputError, "COLMAP writes 8 parameters for OPENCV there"),
     ],
 )
-def test_what_is_no_camera_is_refused(
-    tmp_path: Path, name: str, text: str, error: type[Exception], said: str
-) -> None:
+def test_what_is_no_camera_is_refused(tmp_path: Path, name: str, text: str, error: type[Exception], said: str) -> None:
     (tmp_path / name).write_text(text, "utf-8")
     with pytest.raises(error, match=said):
         ps.Camera.from_file(tmp_path / name)
