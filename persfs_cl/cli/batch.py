@@ -19,6 +19,8 @@ from persfs_cl.cli.options import (
     FarOption,
     GuideOption,
     GuideUnitOption,
+    MaskErodeOption,
+    MaskOption,
     NearOption,
     SizeOption,
     chosen_albedo,
@@ -27,6 +29,7 @@ from persfs_cl.cli.options import (
     chosen_guide,
     chosen_keywords,
     chosen_light,
+    chosen_mask,
     chosen_reflectance,
     require_fitting,
 )
@@ -127,10 +130,7 @@ def batch(
     reflectance: Reflectance,
     albedo: AlbedoOrFitOption = None,
     brightness: Brightness,
-    mask: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="One mask for all, white where to solve.", rich_help_panel=_REGION),
-    ] = None,
+    mask: MaskOption = None,
     masks: Annotated[
         Path | None,
         typer.Option(
@@ -139,6 +139,7 @@ def batch(
             rich_help_panel=_REGION,
         ),
     ] = None,
+    mask_erode: MaskErodeOption = 0,
     walls: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="One for all: white where the surface may jump.", rich_help_panel=_REGION),
@@ -228,7 +229,8 @@ def batch(
         camera=camera,
         cameras=None if cameras is None else read_cameras(cameras),
         masks=masks,
-        mask=mask,
+        mask=chosen_mask(mask),
+        mask_erode=mask_erode,
         walls=walls,
         known_depth=known_depth,
         albedo=chosen_albedo(albedo),

@@ -64,6 +64,38 @@ def chosen_albedo(text: str | None) -> Path | Literal["fit"] | None:
     return None if text is None else _albedo(text)
 
 
+def _mask(text: str) -> Path | Literal["auto"]:
+    return "auto" if text == "auto" else Path(text)
+
+
+MaskOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mask",
+        metavar="FILE|auto",
+        help="Image, white where to solve, or .npy of bool; auto finds the object where it stands out from a dark "
+        "background. Transparent pixels of the photo are left out too.",
+        rich_help_panel=_REGION,
+    ),
+    MayBePath(_mask),
+]
+MaskErodeOption = Annotated[
+    int,
+    typer.Option(
+        "--mask-erode",
+        metavar="PX",
+        min=0,
+        help="Leave out so many pixels along the outline of the mask.",
+        rich_help_panel=_REGION,
+    ),
+]
+
+
+def chosen_mask(text: str | None) -> Path | Literal["auto"] | None:
+    """What the option tells."""
+    return None if text is None else _mask(text)
+
+
 def _bound(text: str) -> float | Path:
     try:
         return float(text)

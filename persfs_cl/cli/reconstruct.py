@@ -17,6 +17,8 @@ from persfs_cl.cli.options import (
     FarOption,
     GuideOption,
     GuideUnitOption,
+    MaskErodeOption,
+    MaskOption,
     NearOption,
     SizeOption,
     chosen_albedo,
@@ -25,6 +27,7 @@ from persfs_cl.cli.options import (
     chosen_guide,
     chosen_keywords,
     chosen_light,
+    chosen_mask,
     chosen_reflectance,
     require_fitting,
 )
@@ -66,14 +69,8 @@ def reconstruct(
     reflectance: Reflectance,
     albedo: AlbedoOrFitOption = None,
     brightness: Brightness,
-    mask: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Image, white where to solve, or .npy of bool. Transparent pixels of the photo are left out too.",
-            rich_help_panel=_REGION,
-        ),
-    ] = None,
+    mask: MaskOption = None,
+    mask_erode: MaskErodeOption = 0,
     walls: Annotated[
         Path | None,
         typer.Option(
@@ -115,7 +112,8 @@ def reconstruct(
         photo,
         camera,
         brightness,
-        mask=mask,
+        mask=chosen_mask(mask),
+        mask_erode=mask_erode,
         walls=walls,
         known_depth=known_depth,
         albedo=chosen_albedo(albedo),
@@ -179,8 +177,10 @@ def _summary(result: PhotoSolution) -> str:
     grey, photo = result.prepared_residual, result.photo_residual
     said, camera = result.report["photo"], result.report["camera"]
     steps = {
+        "specks replaced": said["speck_pixels"] > 0,
         "clipped": said["clip_highlights"] is not None,
         "highlights filled": said["filled_pixels"] > 0,
+        "denoised": said["denoise"] > 0,
         "filtered": said["mean_filter"] > 1,
     }
     prepared = ", ".join(step for step, done in steps.items() if done)

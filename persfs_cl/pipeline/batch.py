@@ -264,6 +264,7 @@ def batch(
     cameras: FilePath | None = None,
     masks: FilePath | None = None,
     mask: FilePath | None = None,
+    mask_erode: int = 0,
     walls: FilePath | None = None,
     known_depth: FilePath | None = None,
     albedo: FilePath | None = None,
@@ -304,7 +305,10 @@ def batch(
     masks : path, optional
         Folder with a mask for each photograph: that of ``a/b.jpg`` is ``a/b.jpg.png``, black where nothing is solved.
     mask, walls, known_depth, albedo : path, optional
-        Files for all photographs, of their size. An albedo may be "fit", as for :func:`reconstruct`.
+        Files for all photographs, of their size. A mask may be "auto": the object is what stands out from a dark
+        background. An albedo may be "fit", as for :func:`reconstruct`.
+    mask_erode : int
+        Pixels along the outline of masks that are left out.
     near, far : float or path, optional
         Depths between which all surfaces lie, see `depth_range` of :func:`reconstruct`: numbers, or such files.
     guides : path, optional
@@ -334,8 +338,8 @@ def batch(
         resource "device". Then `device` and `max_memory` are for each of them, and an output is needed.
     **keywords
         Those of :func:`reconstruct`, and those by which a photograph becomes an image: ``channel``, ``encoding``,
-        ``ambient``, ``vignetting``, ``tone_exponent``, ``highlights``, ``saturation``, ``clip_highlights``,
-        ``mean_filter``, ``normalise``, ``white_percentile``, ``white_level``.
+        ``ambient``, ``vignetting``, ``tone_exponent``, ``despeckle``, ``highlights``, ``saturation``,
+        ``clip_highlights``, ``denoise``, ``mean_filter``, ``normalise``, ``white_percentile``, ``white_level``.
 
     Yields
     ------
@@ -385,7 +389,6 @@ def batch(
     files = {
         "masks": masks,
         "guides": guides,
-        "mask": mask,
         "walls": walls,
         "known_depth": known_depth,
     }
@@ -393,6 +396,8 @@ def batch(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
         **{name: None if file is None else as_path(file) for name, file in files.items()},
+        mask="auto" if mask == "auto" else None if mask is None else as_path(mask),
+        mask_erode=as_whole_number("mask_erode", mask_erode, least=0),
         albedo="fit" if albedo == "fit" else None if albedo is None else as_path(albedo),
         near=near,
         far=far,

@@ -31,6 +31,7 @@ from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.pipeline.results import PhotoSolution
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
 from persfs_cl.preparation.prepared import PreparedPhoto, framed
+from persfs_cl.preparation.silhouette import eroded, silhouette
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
@@ -55,7 +56,9 @@ class Job:
     camera : CameraChoice
     brightness : Brightness
     mask, walls, known_depth, albedo : Path or None
-        Files of the photo's size. An albedo may be "fit": it is found.
+        Files of the photo's size. A mask may be "auto", and an albedo "fit": then they are found.
+    mask_erode : int
+        Pixels along the outline of the mask that are left out.
     near, far : float, Path or None
         Depths between which the surface lies, as numbers or files.
     guide : GuideFile or None
@@ -73,7 +76,7 @@ class Job:
     path: Path
     camera: CameraChoice
     brightness: Brightness
-    mask: Path | None = None
+    mask: Path | Literal["auto"] | None = None
     walls: Path | None = None
     known_depth: Path | None = None
     albedo: Path | Literal["fit"] | None = None
@@ -85,6 +88,7 @@ class Job:
     keywords: Options = field(default_factory=Options)
     frame: int | None = None
     size: int | None = None
+    mask_erode: int = 0
 
     @property
     def title(self) -> str:
@@ -189,7 +193,13 @@ def read_job(job: Job) -> JobInputs:
     shape = (photo.image.shape[0], photo.image.shape[1])
     opaque = np.ones(shape, bool) if photo.mask is None else photo.mask
     turned = photo.orientation
-    inside = np.ones(shape, bool) if job.mask is None else read_mask(job.mask, shape, orientation=turned)
+    inside = np.ones(shape, bool)
+    if isinstance(job.mask, Path):
+        inside = read_mask(job.mask, shape, orientation=turned)
+    elif job.mask == "auto":
+        with _naming(job.title):
+            inside = silhouette(photo.image, mask=opaque & np.isfinite(photo.image))
+    inside = eroded(inside, job.mask_erode)
     walls = None if job.walls is None else read_mask(job.walls, shape, orientation=turned)
     depths = None if job.known_depth is None else read_depth(job.known_depth, shape, orientation=turned)
     shares: Array | Literal["fit"] | None = None
@@ -231,7 +241,9 @@ def prepare(inputs: JobInputs) -> PreparedJob:
         if walls is not None:
             seen = inputs.wanted & np.isfinite(photo.image)
             # Their light tells which side walls belong to: corrected like all other, but not mixed with it.
-            alone = replace(inputs.preparation, highlights="keep", clip_highlights=None, mean_filter=1)
+            alone = replace(
+                inputs.preparation, despeckle=False, highlights="keep", clip_highlights=None, denoise=0.0, mean_filter=1
+            )
             of_walls = prepare_photo(photo, camera, alone, mask=seen).light
             prepared = replace(
                 prepared,
@@ -248,7 +260,7 @@ def prepare(inputs: JobInputs) -> PreparedJob:
                 f"{prepared.mask.shape[1]} × {prepared.mask.shape[0]} pixels leave none to solve: give a larger "
                 f"{keyword('size')}, or a mask that leaves more."
             )
-        image, unfiltered, done = job.brightness.applied(prepared, job.light)
+        image, unfiltered, done = job.brightness.applied(prepared, job.light, job.reflectance)
         depths, walls = maps.known_depth, maps.walls
         assumed = depths is None and maps.depth_range is None and maps.guide is None and job.light.flat_rim
         known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
@@ -269,6 +281,8 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             "bits": photo.bits,
             "size": list(photo.image.shape[::-1]),
             **{name: str(file) if isinstance(file, Path) else file for name, file in job.files.items()},
+            "mask_erode": job.mask_erode,
+            "mask_pixels": int(np.count_nonzero(inputs.wanted)),
             **({} if job.frame is None else {"frame": job.frame}),
         },
         "known": {

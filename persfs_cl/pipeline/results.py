@@ -143,6 +143,7 @@ def write(
         "darker than the ambient light": prepared.below_ambient,
         "highlight, left out": prepared.masked,
         "highlight, filled": prepared.filled,
+        "bright speck, replaced": prepared.specks,
         "saturated": prepared.saturated,
         "clipped": prepared.clipped,
     }

@@ -17,6 +17,7 @@ from persfs_cl.pipeline.headers import look
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.preparation.correct import cosine_vignetting
+from persfs_cl.preparation.silhouette import eroded
 
 SHAPE = (96, 128)
 LENS = (-0.25, 0.06, 0.002, -0.001)
@@ -177,6 +178,47 @@ def test_a_look_at_headers_knows_lenses(bent: Path) -> None:
     left = pinhole.centre(straight.shape)[0] + 0.5
     view = np.degrees(np.arctan(left / 150.0) + np.arctan((straight.shape[1] - left) / 150.0))
     assert looked.horizontal_view == pytest.approx(view)
+
+
+def test_a_mask_that_is_found_and_eroded(tmp_path: Path) -> None:
+    scene = ps.bump((48, 48), light=ps.FlashLight())
+    rows, columns = np.indices((48, 48))
+    disc = (rows - 22) ** 2 + (columns - 25) ** 2 < 300
+    image = np.where(disc, scene.image, 0.0)
+    write_grey(tmp_path / "photo.png", image / image.max(), 16)
+    common = ("--light", "flash", "--focal-length", str(scene.camera.fx), "--save", "depth,report")
+    for number, erode in enumerate(("0", "2")):
+        out = tmp_path / str(number)
+        outcome = run(
+            "reconstruct", tmp_path / "photo.png", "-o", out, *common, "--mask", "auto", "--mask-erode", erode
+        )
+        assert outcome.status == 0, outcome.stderr
+        found = np.isfinite(np.load(out / "depth.npy"))
+        np.testing.assert_array_equal(found, eroded(disc, int(erode)))
+        photo = strict(out / "report.json")["photo"]
+        assert (photo["mask"], photo["mask_erode"], photo["mask_pixels"]) == ("auto", int(erode), found.sum())
+    outcome = run("batch", tmp_path / "photo.png", "-o", tmp_path / "all", *common, "--mask", "auto")
+    np.testing.assert_array_equal(
+        np.load(tmp_path / "all" / "photo.png" / "depth.npy"), np.load(tmp_path / "0" / "depth.npy")
+    )
+    write_grey(tmp_path / "flat.png", np.full((20, 20), 0.5), 8)
+    outcome = run("reconstruct", tmp_path / "flat.png", "-o", tmp_path / "none", *common, "--mask", "auto")
+    assert outcome.status == 1
+    assert "flat.png: no object stands out from a dark background" in outcome.stderr
+
+
+def test_level_ground_wants_an_oblique_light(bent: Path) -> None:
+    outcome = run(
+        "reconstruct", bent, "-o", bent.parent / "out", "--fov", "40", "--normalise", "level", "--save", "depth"
+    )
+    assert outcome.status == 1
+    assert "--normalise level is for an oblique light" in outcome.stderr
+    outcome = run(
+        *("reconstruct", bent, "-o", bent.parent / "out", "--fov", "40", "--normalise", "level", "--p0", "1"),
+        *("--save", "depth,report", "--max-iterations", "2"),
+    )
+    assert outcome.status == 0
+    assert strict(bent.parent / "out" / "report.json")["photo"]["level"] == pytest.approx(2**-0.5)
 
 
 def test_vignetting_by_a_law_follows_the_rays_of_the_lens() -> None:
