@@ -42,8 +42,10 @@ if TYPE_CHECKING:
     from persfs_cl.shading.parallel_light import ParallelLight
     from persfs_cl.shading.phong import Phong
     from persfs_cl.solver.reconstruct import reconstruct, reconstruct_batch
+    from persfs_cl.surface.loading import load
+    from persfs_cl.surface.outcome import Elapsed, Status
     from persfs_cl.surface.render import render
-    from persfs_cl.surface.solution import Elapsed, Solution, Status
+    from persfs_cl.surface.solution import Solution
 
     __version__: str
 else:
@@ -83,7 +85,9 @@ else:
         "scenes.framed": ("bump", "bumps"),
         "scenes.meshes": ("mesh_scene",),
         "scenes.scene": ("Scene",),
-        "surface.solution": ("Elapsed", "Solution", "Status"),
+        "surface.loading": ("load",),
+        "surface.outcome": ("Elapsed", "Status"),
+        "surface.solution": ("Solution",),
         "solver.reconstruct": ("reconstruct", "reconstruct_batch"),
     }
 
@@ -141,6 +145,7 @@ __all__ = [
     "compare",
     "devices",
     "hillside",
+    "load",
     "mean_filter",
     "mesh_scene",
     "normalise_grey",

@@ -30,6 +30,7 @@ FILES = {
     "photo.jpg",
     "relief.js",
     "report.json",
+    "solution.npz",
     "index.html",
 }
 HEIGHT, WIDTH = 24, 30

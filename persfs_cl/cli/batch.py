@@ -33,7 +33,16 @@ from persfs_cl.cli.options import (
     chosen_reflectance,
     require_fitting,
 )
-from persfs_cl.cli.output import MeshFacesOption, SaveOption, chosen_saving
+from persfs_cl.cli.output import (
+    DEFAULT_BASE,
+    DEFAULT_WIDTH,
+    BaseOption,
+    MeshFacesOption,
+    SaveOption,
+    SolidOption,
+    WidthOption,
+    chosen_saving,
+)
 from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
@@ -165,6 +174,9 @@ def batch(
     size: SizeOption = None,
     save: SaveOption = DEFAULT_ITEMS,
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
+    solid: SolidOption = False,
+    width: WidthOption = DEFAULT_WIDTH,
+    base: BaseOption = DEFAULT_BASE,
     shard: Annotated[
         str | None,
         typer.Option(
@@ -213,7 +225,7 @@ def batch(
         raise typer.BadParameter(
             "give one mask for all, or a folder of them, not both.", param_hint="'--mask' / '--masks'"
         )
-    saving = chosen_saving(save, mesh_faces)
+    saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     share, room = _share(shard), _bytes(memory)
     require_fitting(keywords, light, reflectance, brightness, guided=guide is not None or guides is not None)
     try:

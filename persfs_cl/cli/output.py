@@ -11,7 +11,9 @@ import typer
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import is_temporary
-from persfs_cl.surface.saving import GROUPS, Saving
+from persfs_cl.surface.formats import FORMATS, GROUPS
+from persfs_cl.surface.saving import Saving
+from persfs_cl.surface.solid import Block
 
 _OPTION = "'--output' / '-o'"
 _PANEL = "Results"
@@ -20,8 +22,8 @@ SaveOption = Annotated[
     str,
     typer.Option(
         metavar="ITEM,...",
-        help=f"What is written: {', '.join(GROUPS)}, or single files such as depth.tiff, normals.npy (the numbers) or "
-        "mesh.glb (also .ply, .obj, .stl).",
+        help=f"What is written: {', '.join(GROUPS)}, or single files: "
+        f"{', '.join(file for file, one in FORMATS.items() if one.kind not in ('picture', 'preview'))}.",
         rich_help_panel=_PANEL,
     ),
 ]
@@ -33,20 +35,40 @@ MeshFacesOption = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+SolidOption = Annotated[
+    bool,
+    typer.Option(
+        "--solid",
+        help="Write solid.stl too: a watertight block in millimetres, ready to print. With --save solid.3mf, as 3MF.",
+        rich_help_panel=_PANEL,
+    ),
+]
+WidthOption = Annotated[
+    float,
+    typer.Option(metavar="MM", help="Larger horizontal side of what is printed.", rich_help_panel=_PANEL),
+]
+BaseOption = Annotated[
+    float,
+    typer.Option(metavar="MM", help="Thickness below the deepest point of what is printed.", rich_help_panel=_PANEL),
+]
+DEFAULT_WIDTH, DEFAULT_BASE = Block.width, Block.base
 
 
-def chosen_saving(save: str, mesh_faces: int) -> Saving:
-    """What `--save` and `--mesh-faces` ask for.
+def chosen_saving(save: str, mesh_faces: int, *, solid: bool, width: float, base: float) -> Saving:
+    """What `--save`, `--mesh-faces`, `--solid`, `--width` and `--base` ask for.
 
     Raises
     ------
     WrongOption
-        When an item is unknown, or the number too small.
+        When an item is unknown or cannot be written here, a number too small, or a size is given for no solid.
     """
     try:
-        return Saving.of(save, mesh_faces)
+        saving = Saving.of(f"{save},solid" if solid else save, mesh_faces, width=width, base=base)
     except InputError as error:
         raise WrongOption(error) from error
+    if saving.block != Block() and not saving.has_solid:
+        raise typer.BadParameter("a size is for what is printed: add --solid.", param_hint="'--width' / '--base'")
+    return saving
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

@@ -31,7 +31,17 @@ from persfs_cl.cli.options import (
     chosen_reflectance,
     require_fitting,
 )
-from persfs_cl.cli.output import MeshFacesOption, SaveOption, check_folder, chosen_saving
+from persfs_cl.cli.output import (
+    DEFAULT_BASE,
+    DEFAULT_WIDTH,
+    BaseOption,
+    MeshFacesOption,
+    SaveOption,
+    SolidOption,
+    WidthOption,
+    check_folder,
+    chosen_saving,
+)
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.pipeline.brightness import Brightness
@@ -94,18 +104,21 @@ def reconstruct(
     guide: GuideOption = None,
     guide_unit: GuideUnitOption = 1.0,
     size: SizeOption = None,
-    save: SaveOption = "depth,mesh,pictures,page,report",
+    save: SaveOption = "depth,mesh,pictures,page,report,solution",
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
+    solid: SolidOption = False,
+    width: WidthOption = DEFAULT_WIDTH,
+    base: BaseOption = DEFAULT_BASE,
     keywords: Options,
 ) -> None:
     """Reconstruct the surface that one photo shows.
 
     The camera is told by --focal-length or --fov, or else by the photo's EXIF data. Writes what --save names: by
-    default depth.npy, depth.tiff, mesh.ply, report.json, the pictures depth.png, normals.png, relief.png, rendered.png,
-    comparison.png, confidence.png, convergence.png and with a guide guide.png, and index.html, a page on which the
-    relief can be turned, with preview.jpg, photo.jpg and relief.js.
+    default depth.npy, depth.tiff, solution.npz, report.json, mesh.ply, the pictures depth.png, normals.png, relief.png,
+    rendered.png, comparison.png, confidence.png, convergence.png and with a guide guide.png, and index.html, a page on
+    which the relief can be turned, with preview.jpg, photo.jpg and relief.js.
     """
-    saving = chosen_saving(save, mesh_faces)
+    saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     require_fitting(keywords, light, reflectance, brightness, guided=guide is not None)
     nearest, farthest = chosen_bounds(near, far)
     job = Job(

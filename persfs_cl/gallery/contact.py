@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from persfs_cl.gallery.chosen import evenly_chosen
 from persfs_cl.io.files import atomic_path
-from persfs_cl.surface.saving import PHOTO, SHADED
+from persfs_cl.surface.formats.pictures import PHOTO, SHADED
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from persfs_cl.io.files import atomic_path, json_text
-from persfs_cl.surface.saving import PAGE
+from persfs_cl.surface.formats.pictures import PAGE
 
 MOST_ROWS = 50_000
 """Images that a page lists; a browser takes seconds to open one of more."""

@@ -14,7 +14,7 @@ from persfs_cl.gallery.heights import heights_script
 from persfs_cl.gallery.reduced import Samples
 from persfs_cl.gallery.shaded import shaded
 from persfs_cl.io.files import atomic_path
-from persfs_cl.surface.saving import PHOTO, PREVIEW, RELIEF, SHADED
+from persfs_cl.surface.formats.pictures import PHOTO, PREVIEW, RELIEF, SHADED
 from persfs_cl.surface.solved import SolvedSurface
 
 _PREVIEW_LONGEST = 320

@@ -1,7 +1,8 @@
-"""Depth maps and grey images written to files."""
+"""Depth maps, images, arrays and texts written to files."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_array, check_choice
 from persfs_cl.colour import encode_srgb, quantised, to_display
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import FilePath, as_path, atomic_path
+from persfs_cl.io.files import FilePath, as_path, atomic_path, json_text
 
 _TIFF_SUFFIXES = (".tif", ".tiff")
 
@@ -147,6 +148,68 @@ def write_png(path: FilePath, levels: NDArray[np.unsignedinteger[Any]]) -> None:
     )
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
+
+
+def write_levels(path: FilePath, levels: NDArray[np.uint16], text: Mapping[str, str]) -> None:
+    """Write whole levels that stand for numbers as PNG of 16 bits, with texts that say for which.
+
+    Parameters
+    ----------
+    path : path
+    levels : ndarray of uint16, shape (H, W)
+    text : mapping of str to str
+        Values by their keywords, of ASCII both.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    info = PngInfo()
+    for name, value in text.items():
+        info.add_text(name, value)
+    with atomic_path(path) as temporary:
+        Image.fromarray(levels).save(temporary, pnginfo=info, compress_level=1)
+
+
+def write_array(path: FilePath, values: NDArray[Any]) -> None:
+    """Write an array as .npy.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        np.save(temporary, values, allow_pickle=False)
+
+
+def write_arrays(path: FilePath, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays, by their names, as one .npz, not compressed.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    with atomic_path(path) as temporary:
+        np.savez(temporary, allow_pickle=False, **arrays)
+
+
+def write_json(path: FilePath, *entries: Mapping[str, Any] | None) -> None:
+    """Write mappings as one JSON object; of equal names the last one counts.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    merged = {name: value for some in entries for name, value in (some or {}).items()}
+    with atomic_path(path) as temporary:
+        temporary.write_text(json_text(merged) + "\n", encoding="utf-8")
 
 
 def _grey_array(values: ArrayLike, name: str) -> NDArray[np.floating[Any]]:

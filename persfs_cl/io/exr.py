@@ -1,4 +1,4 @@
-"""Depth maps in OpenEXR files, read by the package OpenEXR."""
+"""Depth maps in OpenEXR files, read and written by the package OpenEXR."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
-from persfs_cl.io.files import opened
+from persfs_cl.io.files import FilePath, atomic_path, not_written, opened
 from persfs_cl.io.limits import require_pixels
 from persfs_cl.io.remarks import decoding
 
@@ -25,12 +26,7 @@ def read_exr(path: Path) -> NDArray[Any]:
     InputError
         When it cannot be read, or none of several channels is the depth; when OpenEXR is not installed.
     """
-    try:
-        import OpenEXR
-    except ImportError as error:
-        raise InputError(
-            f"{path} is an OpenEXR file, and the package that reads them is missing: pip install 'persfs-cl[exr]'."
-        ) from error
+    OpenEXR = _package(path)  # noqa: N806  # its name
     # It names neither a missing file nor an empty one.
     with opened(path):
         pass
@@ -48,3 +44,38 @@ def read_exr(path: Path) -> NDArray[Any]:
         if name is None:
             raise InputError(f"{path} has the channels {', '.join(names)}, and none is called Z: save the depth as Z.")
         return np.array(channels[name].pixels)
+
+
+def write_exr(path: FilePath, depth: Array) -> None:
+    """Write a depth map as the channel Z, in single precision.
+
+    Parameters
+    ----------
+    path : path
+    depth : ndarray of float, shape (height, width)
+        NaN where there is none.
+
+    Raises
+    ------
+    InputError
+        When it cannot be written, or OpenEXR is not installed.
+    """
+    OpenEXR = _package(path)  # noqa: N806  # its name
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with atomic_path(path) as temporary:
+        file = OpenEXR.File(header, {"Z": np.ascontiguousarray(depth, np.float32)})
+        try:
+            file.write(str(temporary))
+        except RuntimeError as error:
+            # It says so of whatever the operating system refuses.
+            raise not_written(path, OSError(str(error))) from error
+
+
+def _package(path: FilePath) -> Any:
+    try:
+        import OpenEXR
+    except ImportError as error:
+        raise InputError(
+            f"{path} is an OpenEXR file, and the package for them is missing: pip install 'persfs-cl[exr]'."
+        ) from error
+    return OpenEXR

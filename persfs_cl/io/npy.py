@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import zipfile
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,6 +27,21 @@ def read_npy(path: Path) -> NDArray[Any]:
         _npy_form(path, file, len(data))
         file.seek(0)
         return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def read_npz(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays in an archive of NumPy files, by their names; refused as by :func:`read_npy`."""
+    data = read_bytes(path)
+    with decoding(path), zipfile.ZipFile(io.BytesIO(data)) as archive:
+        found = {}
+        for entry in archive.infolist():
+            if entry.file_size > len(data):
+                raise InputError(f"{path} promises more bytes than it has: it was not written by this package.")
+            held = io.BytesIO(archive.read(entry))
+            _npy_form(path, held, entry.file_size)
+            held.seek(0)
+            found[entry.filename.removesuffix(".npy")] = np.lib.format.read_array(held, allow_pickle=False)
+        return found
 
 
 def read_npy_header(path: Path) -> Header:

@@ -32,6 +32,7 @@ from persfs_cl.pipeline.store import FolderStore, Journal, Results, Store, store
 from persfs_cl.pipeline.workforce import Workforce, workforce
 from persfs_cl.solver.options import Options, complete, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
+from persfs_cl.surface.solid import Block
 from persfs_cl.surface.solution import Solution
 
 Again = Literal["changed", "all", "none", "failed"]
@@ -277,6 +278,8 @@ def batch(
     size: int | None = None,
     save: str | Iterable[str] = DEFAULT_ITEMS,
     mesh_faces: int | None = DEFAULT_MESH_FACES,
+    width: float = Block.width,
+    base: float = Block.base,
     again: Again = "changed",
     shard: Shard | None = None,
     max_memory: int | None = None,
@@ -322,7 +325,7 @@ def batch(
         Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
     size : int, optional
         Pixels that the longer side is reduced to, by means over areas, with all that goes with a photograph.
-    save, mesh_faces
+    save, mesh_faces, width, base
         What is written, as for :meth:`persfs_cl.surface.saving.Saving.of`.
     again : {"changed", "all", "none", "failed"}
         Which photographs are done again: those that failed or whose files or parameters have changed; all; none that
@@ -408,7 +411,7 @@ def batch(
         light=settings["light"],
         reflectance=settings["reflectance"],
         keywords=options,
-        saving=Saving.of(save, mesh_faces),
+        saving=Saving.of(save, mesh_faces, width=width, base=base),
     )
     plan.require_files()
     store = None if output is None else store_for(output)

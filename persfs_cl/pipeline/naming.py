@@ -11,7 +11,7 @@ from persfs_cl.gallery.contact import CONTACT
 from persfs_cl.gallery.summary import SUMMARY
 from persfs_cl.io.files import PREFIX
 from persfs_cl.pipeline.manifest import FOLDER
-from persfs_cl.surface.saving import PAGE
+from persfs_cl.surface.formats.pictures import PAGE
 
 OF_THE_BATCH = frozenset({PAGE, CONTACT, SUMMARY, FOLDER})
 """What a batch itself writes at the top of its output, in small letters."""

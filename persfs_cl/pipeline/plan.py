@@ -26,7 +26,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options, complete
 from persfs_cl.surface.saving import Saving
 
-DEFAULT_ITEMS = "depth,normals,preview,report"
+DEFAULT_ITEMS = "depth,normals,preview,report,solution"
 """What a batch writes of each photo."""
 
 _NOT_OF_THE_RESULT = ("device", "callback", "throw")
@@ -152,7 +152,7 @@ class Plan:
             "reflectance": _plain(self.reflectance),
             **{name: value for name, value in self._completed().items() if name not in ("light", "reflectance")},
             "files": list(self.saving.files),
-            **({"mesh_faces": self.saving.mesh_faces} if self.saving.meshes else {}),
+            **self.saving.said,
         }
 
     def parameter_hash(self, job: Job) -> str:
@@ -173,7 +173,7 @@ class Plan:
             "frame": job.frame,
             "size": job.size,
             "files": self.saving.files,
-            "mesh_faces": self.saving.mesh_faces if self.saving.meshes else None,
+            **self.saving.said,
         }
         return _digest(json.dumps(says, sort_keys=True, default=_plain).encode())
 

@@ -17,11 +17,13 @@ from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
-from persfs_cl.surface.saving import PAGE, PREVIEW, Saving
-from persfs_cl.surface.solution import Solution, write_files
+from persfs_cl.surface.formats.pictures import PAGE, PREVIEW
+from persfs_cl.surface.saving import Saving
+from persfs_cl.surface.solution import Solution
 from persfs_cl.surface.solved import Derived
+from persfs_cl.surface.writing import write_files
 
-EVERYTHING = Saving.of("depth,mesh,pictures,page,report")
+EVERYTHING = Saving.of("depth,mesh,pictures,page,report,solution")
 """What one photo alone becomes by default."""
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from persfs_cl.surface.saving import GROUPS, Saving
+from persfs_cl.surface.formats import FORMATS
+from persfs_cl.surface.saving import Saving
 
 BYTES_PER_PROCESS = 500 * 2**20
 """What a process takes that has no photo in hand: Python, the libraries, the driver and its compiler."""
@@ -15,16 +16,10 @@ _BYTES_PER_DRAWING = 64 * 2**20
 # The most that was seen over reading, preparing, solving and writing, with a third to spare: of one photo alone, of 1.4
 # million pixels, under all lights, in both orders and precisions, with all maps. Without maps it is about half of that.
 _BYTES_PER_PIXEL = 350
-_OF_DRAWINGS, _OF_MESHES, _OF_TEXTS = 500, 750, 1300
 _OF_ROUNDS = 250
 """Besides, where the image is corrected and solved again: by the surface found, or by a guide."""
 _OF_ENERGY = 500
 """Besides, for a scheme that minimises an energy, where the device has no memory of its own."""
-_BY_FILE = {
-    **dict.fromkeys(GROUPS["pictures"], _OF_DRAWINGS),
-    **dict.fromkeys(("mesh.ply", "mesh.stl", "mesh.glb"), _OF_MESHES),
-    "mesh.obj": _OF_TEXTS,
-}
 
 
 def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False, by_energy: bool = False) -> int:
@@ -40,8 +35,9 @@ def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False, by_energy
     by_energy : bool
         Whether the scheme minimises an energy.
     """
-    drawn = not set(GROUPS["pictures"]).isdisjoint(saving.files)
-    per_pixel = max((_BY_FILE.get(file, 0) for file in saving.files), default=0)
+    kinds = [FORMATS[file] for file in saving.files]
+    drawn = any(one.kind == "picture" for one in kinds)
+    per_pixel = max((one.memory for one in kinds), default=0)
     return (_BYTES_PER_DRAWING if drawn else _BYTES_PER_PHOTO) + pixels * (
         max(_BYTES_PER_PIXEL, per_pixel) + _OF_ROUNDS * in_rounds + _OF_ENERGY * by_energy
     )

@@ -37,8 +37,9 @@ from persfs_cl.solver.pieces import busy_pixels, pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.solver.solve import attempt, finish, told
+from persfs_cl.surface.outcome import Status
 from persfs_cl.surface.saving import Saving
-from persfs_cl.surface.solution import Solution, Status
+from persfs_cl.surface.solution import Solution
 from persfs_cl.told import Heard, hearing
 
 _ROOM_OF_READERS = 4

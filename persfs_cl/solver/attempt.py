@@ -12,7 +12,7 @@ from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch, stop_at
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.rounds import solve_corrected
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 
 
 @dataclass(frozen=True)

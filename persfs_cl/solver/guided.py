@@ -27,7 +27,7 @@ from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.iterate import LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 from persfs_cl.told import concerning
 
 _SMOOTHNESS = 6.0

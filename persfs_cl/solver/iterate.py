@@ -17,7 +17,7 @@ from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
 from persfs_cl.solver.distance import distance_to_limit
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 
 LogDepthAndDepth = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Log depth and depth."""

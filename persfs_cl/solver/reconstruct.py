@@ -23,7 +23,8 @@ from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options, complete, with_options
 from persfs_cl.solver.pieces import pieces, solve_in_pieces
 from persfs_cl.solver.problem import Problem
-from persfs_cl.surface.solution import Solution, Status
+from persfs_cl.surface.outcome import Status
+from persfs_cl.surface.solution import Solution
 from persfs_cl.told import concerning
 from persfs_cl.wording import brief
 

@@ -20,7 +20,7 @@ from persfs_cl.solver.iterate import Iteration, LogDepthAndDepth, Watch
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.geometry import log_depth_gradient
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 

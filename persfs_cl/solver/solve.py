@@ -20,7 +20,8 @@ from persfs_cl.solver.options import Options, reported
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.window import Window
 from persfs_cl.surface.geometry import Discontinuities
-from persfs_cl.surface.solution import Elapsed, Solution, Status
+from persfs_cl.surface.outcome import Elapsed, Status
+from persfs_cl.surface.solution import Solution
 from persfs_cl.told import concerning
 from persfs_cl.wording import keyword
 

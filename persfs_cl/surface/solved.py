@@ -27,6 +27,7 @@ from persfs_cl.surface import render as forward
 from persfs_cl.surface.confidence import Confidence, SlopeErrors, cosine_to_light
 from persfs_cl.surface.plots.maps import colour_normals
 from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
+from persfs_cl.surface.solid import Block, solid_mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -147,10 +148,54 @@ class SolvedSurface:
         """
         most = as_mesh_faces(mesh_faces)
         if colour is None:
-            colour = to_display(np.nan_to_num(self.image / self.white))
+            colour = self.shown
         if most is not None:
             return simplified_mesh(self.depth, self.camera, most, colour, self.discontinuities)
         return geometry.mesh(self.depth, self.camera, colour, self.discontinuities)
+
+    def solid(self, width: float = 100.0, base: float = 3.0, *, mesh_faces: int | None = None) -> trimesh.Trimesh:
+        """A watertight solid to be printed, in millimetres: the surface as a relief on a plate.
+
+        Proportions stay: points of space are scaled alike along all axes. From its outline the solid widens along the
+        lines of sight, down to a flat bottom. Where the surface jumps across walls, a steep slope joins its sides.
+
+        Parameters
+        ----------
+        width : float
+            Of the larger horizontal side, in millimetres.
+        base : float
+            Thickness of the plate below the deepest point, in millimetres.
+        mesh_faces : int, optional
+            As for :meth:`mesh`; the sides and the bottom count too.
+
+        Returns
+        -------
+        trimesh.Trimesh
+            x right, y up in the image, z up toward the camera; its bounds begin in the origin. Pixels without two
+            neighbours, which have no area, are left out. Parts that touch in a pixel alone are drawn apart there, by a
+            fifth of a pixel.
+
+        Raises
+        ------
+        InputError
+            When there is no surface, a size is no length above 0, the base is too thick for the width, or `mesh_faces`
+            is no such number.
+
+        Examples
+        --------
+        >>> import persfs_cl as ps
+        >>> scene = ps.bump((20, 20), light=ps.FlashLight())
+        >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+        >>> solid = solution.solid(width=60.0, base=2.0)
+        >>> bool(solid.is_watertight), [round(float(size), 3) for size in solid.extents[:2]]
+        (True, [60.0, 60.0])
+        """
+        return solid_mesh(self.depth, self.camera, Block(width, base), mesh_faces)
+
+    @property
+    def shown(self) -> NDArray[np.uint8]:
+        """The image as it is displayed, in grey levels."""
+        return to_display(np.nan_to_num(self.image / self.white))
 
     @cached_property
     def white(self) -> float:

@@ -23,7 +23,7 @@ def photo(tmp_path: Path) -> Path:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out pictures and previews, which take far longer than the rest."""
-    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     monkeypatch.setattr("persfs_cl.pipeline.results.write_preview", lambda *_arguments, **_keywords: [])
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from batches import Here
 from command import run
 from PIL import Image
@@ -63,7 +64,7 @@ def test_each_photo_has_its_folder_and_all_have_a_page(done: Path) -> None:
     for name in ("a.png", "b.png", "deep/a.png"):
         files = {file.name for file in (done / name).iterdir()}
         assert files == {
-            *("depth.npy", "depth.tiff", "normals.png", "report.json"),
+            *("depth.npy", "depth.tiff", "solution.npz", "normals.png", "report.json"),
             *("preview.jpg", "photo.jpg", "relief.js", "record.json"),
         }
     assert {"index.html", "contact.jpg", "summary.csv", "manifest"} <= {file.name for file in done.iterdir()}
@@ -82,6 +83,15 @@ def test_again_only_what_failed_is_tried(done: Path) -> None:
     assert outcome.stdout == ""
     assert "3 were done before" in outcome.stderr
     assert "1 failed" in outcome.stderr
+
+
+@pytest.mark.usefixtures("here")
+def test_every_photo_may_become_a_solid(photos: Path, tmp_path: Path) -> None:
+    outcome = run("batch", photos / "a.png", "-o", tmp_path / "out", *FLASH, "--save", "solid.3mf", "--width", "33")
+    assert outcome.status == 0
+    [solid] = trimesh.load_scene(tmp_path / "out" / "a.png" / "solid.3mf").geometry.values()
+    assert solid.is_watertight
+    assert max(solid.extents[:2]) == pytest.approx(33.0, rel=1e-6)
 
 
 def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path: Path) -> None:

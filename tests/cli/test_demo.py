@@ -18,7 +18,7 @@ def test_a_demo_that_fails_leaves_nothing_behind(
     def fail(*_arguments: object) -> None:
         raise failure
 
-    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", fail)
+    monkeypatch.setattr("persfs_cl.surface.writing.draw_all", fail)
     assert run("demo", "-o", tmp_path / "a" / "b").status in (1, 130)
     assert not list(tmp_path.iterdir())
 
@@ -44,5 +44,5 @@ def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch
     for named in ("vase/relief.png", "coin/relief.png", "coin/comparison.png", "coin/mesh.ply"):
         assert str(Path("demo-output") / named) in outcome.stdout
 
-    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     assert run("demo").status == 0

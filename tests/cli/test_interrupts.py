@@ -23,8 +23,8 @@ from persfs_cl.cli.progress import remaining_iterations
 from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.photos import read_photo
 from persfs_cl.preparation import normalise as grey
-from persfs_cl.surface.export import draw_all
 from persfs_cl.surface.jobs import Jobs
+from persfs_cl.surface.writing import draw_all
 
 
 def test_second_interrupt_writes_nothing(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,7 +71,14 @@ def test_a_signal_that_comes_twice_at_once_keeps_what_there_is(
     assert outcome.status == 130
     assert strict(tmp_path / "out" / "report.json")["status"] == "STOPPED"
     assert strict(tmp_path / "out" / "report.json")["iterations"] == 2
-    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
+    assert names(tmp_path / "out") == {
+        "depth.npy",
+        "depth.tiff",
+        "mesh.ply",
+        "report.json",
+        "solution.npz",
+        "index.html",
+    }
 
 
 @pytest.mark.usefixtures("ctrl_c")
@@ -86,18 +93,18 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
         out.mkdir()
         (out / "relief.png").write_text("old")
 
-    def interrupted(folder: Path, drawings: Mapping[str, Callable[[Path], None]], jobs: Jobs) -> list[str]:
+    def interrupted(drawings: Mapping[str, Callable[[], None]], jobs: Jobs) -> list[str]:
         if drawings:
             signal.raise_signal(number)
-        return draw_all(folder, drawings, jobs)
+        return draw_all(drawings, jobs)
 
-    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", interrupted)
+    monkeypatch.setattr("persfs_cl.surface.writing.draw_all", interrupted)
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
-    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json"}
+    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz"}
     assert outcome.status == 130
     assert {Path(line) for line in outcome.stdout.splitlines()} == {out / name for name in kept}
     assert names(out) == kept | ({"relief.png"} if existing else set())
-    assert "depth, mesh and report are still written, the pictures are not" in outcome.stderr
+    assert "depth, mesh, report and solution are still written, the pictures are not" in outcome.stderr
     assert ("of an earlier run" in outcome.stderr) == existing
     assert strict(out / "report.json")["status"] == "CONVERGED"
     image = grey.normalise_linear(read_photo(photo).image)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path:
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite").status == 0
     assert (out / "mine").read_text() == "mine"
     assert np.load(out / "depth.npy").shape == (HEIGHT, WIDTH)
-    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
+    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz", "index.html"}
 
 
 @pytest.mark.parametrize("existing", [False, True])
@@ -60,7 +61,7 @@ def test_full_disk_leaves_nothing_behind(
         (out / "depth.npy").write_text("old")
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
     if existing:  # pictures are files like the others
-        monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
+        monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
     assert (outcome.status, outcome.stdout) == (1, "")
     assert f"{out / 'mesh.ply'} cannot be written: No space left on device" in outcome.stderr
@@ -77,7 +78,7 @@ def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: 
     left.mkdir(parents=True)
     (left / "depth.npy").write_text("half")
     assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
-    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "index.html"}
+    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz", "index.html"}
 
 
 def test_what_is_written_can_be_chosen(photo: Path, tmp_path: Path) -> None:
@@ -112,3 +113,21 @@ def test_a_wrong_choice_is_refused_before_the_photo_is_read(
     assert (outcome.status, outcome.stdout) == (2, "")
     assert message in outcome.stderr
     assert "missing.png" not in outcome.stderr
+
+
+def test_a_solid_to_print_can_be_asked_for(photo: Path, tmp_path: Path) -> None:
+    arguments = ("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--save", "report")
+    outcome = run(*arguments, "--solid", "--width", "42", "--base", "1.5")
+    assert outcome.status == 0
+    assert names(tmp_path / "out") == {"report.json", "solid.stl"}
+    solid = trimesh.load_mesh(tmp_path / "out" / "solid.stl")
+    assert solid.is_watertight
+    assert max(solid.extents[:2]) == pytest.approx(42.0, rel=1e-6)
+    for options, message in (
+        (("--width", "42"), "'--width' / '--base': a size is for what is printed: add --solid"),
+        (("--solid", "--width", "-1"), "--width -1.* is not a length in millimetres"),
+        (("--save", "solid.xyz"), "has the item 'solid.xyz', which is none: .*solid.stl, solid.3mf"),
+    ):
+        outcome = run(*arguments[:4], *FOCAL, "--overwrite", *options)
+        assert outcome.status == 2
+        assert re.search(message, outcome.stderr), outcome.stderr

@@ -89,7 +89,8 @@ def test_other_parameters_are_reason_to_do_it_again(folder: Path, store: FolderS
     same = replace(same, saving=Saving.of("depth", 1000))
     assert pretend(folder, store, plan=same)[0] == []
     meshes = [replace(PLAN, saving=Saving.of("mesh", faces)) for faces in (0, 1000)]
-    for plan in meshes:
+    solids = [replace(PLAN, saving=Saving.of("solid", width=width)) for width in (50.0, 60.0)]
+    for plan in (*meshes, *solids):
         assert pretend(folder, store, plan=plan)[0] == NAMES
 
 

@@ -19,7 +19,8 @@ from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import EVERYTHING, PhotoSolution, write
 from persfs_cl.surface import geometry
 from persfs_cl.surface import render as forward
-from persfs_cl.surface.saving import PREVIEW, Saving
+from persfs_cl.surface.formats.pictures import PREVIEW
+from persfs_cl.surface.saving import Saving
 
 BATCH = Saving.of("depth,normals,preview,report")
 

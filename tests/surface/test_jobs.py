@@ -15,8 +15,9 @@ from persfs_cl.errors import PersfsWarning
 from persfs_cl.surface import plots
 from persfs_cl.surface.jobs import Jobs, threads_for
 from persfs_cl.surface.saving import Saving
-from persfs_cl.surface.solution import Solution, write_files
+from persfs_cl.surface.solution import Solution
 from persfs_cl.surface.solved import Derived
+from persfs_cl.surface.writing import write_files
 
 FILES = Saving.of("depth,normals.npy,mesh.ply,mesh.obj,normals.png,relief.png,convergence.png,report", mesh_faces=1000)
 """Each kind, and of the pictures three: all have a test of the same in tests/surface/test_plots.py."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
 
 import pytest
 
 import persfs_cl as ps
-from persfs_cl.surface.saving import DEFAULT_MESH_FACES, FILES, GROUPS, PREVIEW, Saving
+from persfs_cl.surface.formats import FORMATS, GROUPS
+from persfs_cl.surface.formats.pictures import PREVIEW
+from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
+from persfs_cl.surface.solid import Block
 
 
 def test_groups_and_files_become_names_in_one_order() -> None:
@@ -18,13 +22,14 @@ def test_groups_and_files_become_names_in_one_order() -> None:
         "mesh.glb",
     )
     assert Saving.of(["normals", "normals.npy"]) == Saving(("normals.npy", "normals.png"), DEFAULT_MESH_FACES)
-    assert Saving.of(tuple(GROUPS)).without("pictures", "page", "depth.tiff").files == (
+    assert Saving.of("depth,pictures,page,report,mesh").without("pictures", "page", "depth.tiff").files == (
         "depth.npy",
         "report.json",
         "mesh.ply",
     )
+    assert {file for group in GROUPS for file in Saving.of(group).files} <= {*FORMATS}
     assert set(Saving.of("preview").files) == set(PREVIEW)
-    for name in FILES:
+    for name in FORMATS:
         assert Saving.of(name).files == (name,)
 
 
@@ -44,7 +49,7 @@ def test_all_triangles_are_kept_on_request(none: int | None) -> None:
     [
         (
             "depth,mash",
-            r"item 'mash', which is none: .*depth, normals, mesh, pictures, preview, page, report, .*mesh\.glb",
+            r"item 'mash', which is none: .*depth, solution, .*report, pictures, normals, .*mesh, solid, .*mesh\.glb",
         ),
         ("mesh.xyz", r"'mesh\.xyz'"),
         ("", "names nothing"),
@@ -63,3 +68,29 @@ def test_what_is_no_item_is_refused(items: str, message: str) -> None:
 def test_what_is_no_number_of_triangles_is_refused(faces: int) -> None:
     with pytest.raises(ps.InputError, match=r"mesh_faces=.* is not a number of triangles: .*100.*, or 0 for all"):
         Saving.of("mesh", faces)
+
+
+def test_sizes_of_solids_are_checked_and_kept() -> None:
+    saving = Saving.of("solid", width=60, base=2)
+    assert saving.block == Block(60.0, 2.0)
+    assert saving.said == {"mesh_faces": DEFAULT_MESH_FACES, "width": 60.0, "base": 2.0}
+    assert Saving.of("depth", width=60).said == {}
+    assert pickle.loads(pickle.dumps(saving)) == saving
+    for width in (0, -1, float("nan"), "60"):
+        with pytest.raises(ps.InputError, match=r"width=.* is not a length in millimetres"):
+            Saving.of("solid", width=width)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("file", "package", "extra"), [("depth.exr", "OpenEXR", "exr"), ("solid.3mf", "lxml", "print")]
+)
+def test_a_missing_extra_is_told_of_before_the_work(
+    file: str, package: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        "persfs_cl.surface.formats.format.find_spec", lambda name: None if name == package else found(name)
+    )
+    with pytest.raises(ps.InputError, match=rf"save='{file}' needs {package}, .*pip install 'persfs-cl\[{extra}\]'"):
+        Saving.of(f"depth,{file}")
+    assert Saving.of("depth").files

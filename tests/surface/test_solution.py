@@ -190,7 +190,9 @@ def test_a_mesh_is_simplified_on_request(solution: ps.Solution, tmp_path: Path) 
         solution.mesh(mesh_faces=3)
 
 
-@pytest.mark.parametrize("name", ["z.npy", "z.tiff", "z.tif", "z.png", "z.ply", "z.obj", "z.stl", "z.glb", "z.json"])
+@pytest.mark.parametrize(
+    "name", ["z.npy", "z.tiff", "z.tif", "z.png", "z.ply", "z.obj", "z.stl", "z.glb", "z.json", "z.exr", "z.3mf"]
+)
 def test_saving_to_one_file(solution: ps.Solution, tmp_path: Path, name: str) -> None:
     assert solution.save(tmp_path / name) == [tmp_path / name]
     assert (tmp_path / name).stat().st_size > 0
@@ -213,7 +215,7 @@ def test_a_folder_may_have_a_dot_in_its_name(
     exists: bool, solution: ps.Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Pictures take far longer than the rest.
-    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     folder = tmp_path / "run.2"
     if exists:
         folder.mkdir()
@@ -231,7 +233,7 @@ def test_saving_to_a_folder_writes_all_or_nothing(
 
     monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
     # Pictures are files like the others.
-    monkeypatch.setattr("persfs_cl.surface.solution.draw_all", lambda *_arguments: [])
+    monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     folder = tmp_path / "above" / "folder"
     if exists:
         folder.mkdir(parents=True)
@@ -284,7 +286,8 @@ def test_a_picture_that_cannot_be_drawn_costs_nothing_else(
     with pytest.warns(UserWarning, match=rf"^{name}.png could not be drawn \(RuntimeError: no latex\)") as caught:
         written = solution.save(tmp_path / "out")
     assert [warning.filename for warning in caught] == [__file__]
-    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "rendered.png", "normals.png"} - {f"{name}.png"}
+    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz", "rendered.png", "normals.png"}
+    kept -= {f"{name}.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == kept
     assert {path.name for path in written} == kept | {f"{drawing}.png" for drawing in drawings if drawing != name}
 
@@ -314,7 +317,7 @@ def test_the_smallest_surfaces_can_be_saved(shape: tuple[int, int], count: int, 
     np.testing.assert_array_equal(np.isfinite(found.depth), found.solved)
     assert found.solved.sum() == count
     files = found.save(tmp_path)
-    assert len(files) == 11
+    assert len(files) == 12
     assert all(path.stat().st_size > 0 for path in files)
 
 

@@ -13,7 +13,7 @@ from persfs_cl.choices import Precision
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.reference import slopes_of
 from persfs_cl.solver.energy.regularised import Sought, regularised
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 
 SPREADS = (0.2, 0.12, 0.08, 0.05)
 """Of what ln albedo is off by, round after round: the surface is let go only as far as paint is told from shading."""

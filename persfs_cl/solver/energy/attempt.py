@@ -23,7 +23,7 @@ from persfs_cl.solver.energy.swept import swept
 from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 from persfs_cl.told import concerning
 
 _LEAST_OF_RELIEF, _LEAST = 1e-3, 1e-7

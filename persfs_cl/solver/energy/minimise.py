@@ -18,7 +18,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.distance import distance_to_limit
 from persfs_cl.solver.energy.view import View, finer, means
 from persfs_cl.solver.energy.weights import Weights
-from persfs_cl.surface.solution import Status
+from persfs_cl.surface.outcome import Status
 
 _SMALLEST_SIDE = 16
 """Pixels of the shorter side of the coarsest grid, at least."""

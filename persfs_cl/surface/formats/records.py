@@ -1,0 +1,121 @@
+"""What a later reader needs of a run: a report for people and programs, and the arrays that `persfs_cl.load` reads.
+
+The report says in words and numbers what was done. What is as large as the image, and what JSON has no number for, is
+in the arrays.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import zlib
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.arrays import Array
+from persfs_cl.io.export import write_arrays, write_json
+from persfs_cl.shading.stated import stated
+from persfs_cl.surface.formats.format import Format, Source
+from persfs_cl.surface.outcome import Outcome
+from persfs_cl.surface.solved import Derived
+
+ARRAYS, REPORT = "solution.npz", "report.json"
+
+MASKS = ("unreached", "clamped", "at_bound")
+"""Those of a surface that its depth does not tell."""
+
+
+def report_of(solution: Outcome, derived: Derived) -> dict[str, Any]:
+    """The report of :meth:`persfs_cl.Solution.report` from what is at hand of the surface."""
+    grey, confidence = derived.prepared_residual, derived.confidence
+    height, width = solution.depth.shape
+    return {
+        "status": solution.status.name,
+        "meaning": solution.status.value,
+        "iterations": solution.iterations,
+        "changes": solution.changes.tolist(),
+        "distance": None if math.isnan(solution.distance) else solution.distance,
+        "pixels": {
+            "all": solution.depth.size,
+            "solved": int(np.count_nonzero(solution.solved)),
+            "unreached": int(np.count_nonzero(solution.unreached)),
+            "clamped": int(np.count_nonzero(solution.clamped)),
+            "at_bound": int(np.count_nonzero(solution.at_bound)),
+            "walls": 0 if solution.walls is None else int(np.count_nonzero(solution.walls)),
+            "walls_solved": 0 if solution.walls is None else int(np.count_nonzero(solution.walls & solution.solved)),
+        },
+        "guide": None if solution.guide is None else solution.guide.report(),
+        "depth": derived.depths,
+        "grey_levels": {
+            "compared_with": "the prepared image",
+            "mean_error": grey.mean,
+            "root_mean_square": grey.root_mean_square,
+        },
+        "confidence": confidence.report(),
+        "seconds": asdict(solution.elapsed),
+        "parameters": {
+            "camera": asdict(solution.camera),
+            "focal_length": [solution.camera.fx, solution.camera.fy],
+            "principal_point": list(solution.camera.centre((height, width))),
+            "light": stated(solution.light),
+            "reflectance": stated(solution.reflectance),
+            **solution.parameters,
+        },
+        "device": {
+            "name": solution.device.name,
+            "platform": solution.device.platform,
+            "platform_version": solution.device.platform_version,
+            "driver_version": solution.device.driver_version,
+        },
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("persfs-cl", "pyopencl", "numpy")},
+        },
+    }
+
+
+def fingerprint(depth: Array) -> int:
+    """Of a depth map, by which files of one surface are told from those of another."""
+    return zlib.crc32(np.ascontiguousarray(depth).data)
+
+
+def _arrays(solution: Outcome) -> dict[str, NDArray[Any]]:
+    """All of a solution that depth and report do not tell."""
+    maps = {"image": solution.image, "albedo": solution.albedo}
+    bits = {name: getattr(solution, name) for name in MASKS} | {"walls": solution.walls}
+    if solution.discontinuities is not None:
+        bits |= {"cut_right": solution.discontinuities.right, "cut_down": solution.discontinuities.down}
+    if solution.guide is not None:
+        maps["departure"] = solution.guide.departure
+    return {
+        "fingerprint": np.array(fingerprint(solution.depth)),
+        "changes": solution.changes,
+        "distance": np.array(solution.distance),
+        # Which no other run takes: the report of another is told by it.
+        "seconds": np.array(solution.elapsed.total),
+        **{name: _single(values) for name, values in maps.items() if values is not None},
+        **{name: np.packbits(pixels) for name, pixels in bits.items() if pixels is not None},
+    }
+
+
+def _single(values: Array) -> NDArray[Any]:
+    """In single precision, far finer than any photograph, if it has such numbers."""
+    with np.errstate(over="ignore", under="ignore"):
+        narrow = values.astype(np.float32)
+        off = np.abs(narrow - values) > 1e-6 * np.abs(values)
+    return values if off.any() else narrow
+
+
+def _write_report(target: Path, source: Source) -> None:
+    write_json(target, report_of(source.solution, source.derived), source.report())
+
+
+RECORDS = (
+    Format(ARRAYS, lambda target, source: write_arrays(target, _arrays(source.solution)), ("solution",)),
+    Format(REPORT, _write_report, ("report", "solution"), alone=True),
+)

@@ -1,0 +1,145 @@
+"""Files of a surface made together: each thing that several need once, and pictures that fail left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from persfs_cl.checks import warn
+from persfs_cl.errors import InputError
+from persfs_cl.surface.formats import FORMATS
+from persfs_cl.surface.formats.format import Format, Kind, Source
+from persfs_cl.surface.jobs import Jobs
+from persfs_cl.surface.outcome import Outcome
+from persfs_cl.surface.saving import Saving
+from persfs_cl.surface.solved import Derived
+
+
+def write_files(
+    folder: Path,
+    solution: Outcome,
+    saving: Saving,
+    derived: Derived,
+    *,
+    colour: NDArray[np.uint8] | None = None,
+    report: Callable[[], Mapping[str, Any]] = dict,
+    threads: int = 1,
+) -> list[str]:
+    """Write files of a surface, all but previews.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists, and is not looked at by others before everything is in it.
+    solution : Outcome
+    saving : Saving
+    derived : Derived
+        Of the solution. It is released as soon as nothing needs it: a mesh takes much memory too.
+    colour
+        As for :meth:`persfs_cl.Solution.save`.
+    report : callable
+        Returns further entries for the report, where there is one.
+    threads : int
+        How many files are made at a time. With one, the memory for a mesh is taken when that for all else is free.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be written.
+    """
+    wanted = [FORMATS[file] for file in saving.files]
+
+    def whole_report() -> dict[str, Any]:
+        said = {one.file: one.about(source) for one in wanted if one.about is not None}
+        return {**report(), **({"files": said} if said else {})}
+
+    source = Source(
+        solution, derived, colour=colour, report=whole_report, mesh_faces=saving.mesh_faces, block=saving.block
+    )
+    makers = {
+        one: partial(one.write, folder / one.file, source)
+        for one in wanted
+        if one.write is not None and one.applies(source)
+    }
+
+    def of_kind(*kinds: Kind) -> dict[str, Callable[[], None]]:
+        return {one.file: make for one, make in makers.items() if one.kind in kinds}
+
+    meshes, data = of_kind("mesh", "solid"), of_kind("data")
+
+    def write_meshes() -> None:
+        for make in meshes.values():
+            make()
+
+    with Jobs(threads) as jobs:
+        # It takes longest, so that it is begun first.
+        last = jobs.add(write_meshes) if meshes else None
+        results = [jobs.add(make) for make in data.values()]
+        pictures = draw_all(of_kind("picture"), jobs)
+        for result in results:
+            result()
+        derived.release()
+        if last is not None:
+            last()
+    return [*data, *pictures, *meshes]
+
+
+def write_file(target: Path, kind: Format, source: Source) -> None:
+    """Write one file by itself, under any name.
+
+    Raises
+    ------
+    InputError
+        When it cannot be written.
+    """
+    kind.require()
+    if kind.write is not None:
+        kind.write(target, source)
+
+
+def draw_all(drawings: Mapping[str, Callable[[], None]], jobs: Jobs) -> list[str]:
+    """Draw pictures, and say which; one that cannot be drawn is left out, with a warning, for nothing depends on it.
+
+    Parameters
+    ----------
+    drawings : mapping of str to callable
+        By the file's name, what draws it.
+    jobs : Jobs
+        Which of them are done at a time.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be written.
+    """
+    results = {file: jobs.add(draw) for file, draw in drawings.items()}
+    drawn = []
+    for file, result in results.items():
+        try:
+            result()
+        except Exception as error:  # whatever a library that draws raises
+            # A full disk has room for no other file either: the user chooses another.
+            if isinstance(error, InputError) and isinstance(error.__cause__, OSError):
+                raise
+            warn(
+                f"{file} could not be drawn ({type(error).__name__}: {' '.join(str(error).split())}): all other files "
+                "are complete without it."
+            )
+        else:
+            drawn.append(file)
+    return drawn
