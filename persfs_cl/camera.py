@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -473,6 +474,19 @@ def camera_from(path: FilePath, calibrated: Calibrated) -> Camera:
         return Camera(calibrated.focal_length, calibrated.principal_point, distortion)
     except CameraError as error:
         raise error.at(str(path)) from error
+
+
+def calibration_of(camera: Camera, shape: tuple[int, int]) -> dict[str, Any]:
+    """What a file says of the camera of an image of shape (height, width), as :meth:`Camera.from_file` reads it."""
+    column, row = camera.centre(shape)
+    lens = camera.distortion
+    return {
+        "image_width": shape[1],
+        "image_height": shape[0],
+        "camera_matrix": [[camera.fx, 0.0, column], [0.0, camera.fy, row], [0.0, 0.0, 1.0]],
+        "distortion_model": "none" if lens is None else "fisheye" if isinstance(lens, Fisheye) else "opencv",
+        "distortion_coefficients": [] if lens is None else list(astuple(lens) if isinstance(lens, Fisheye) else lens),
+    }
 
 
 def require_camera(given: object) -> None:

@@ -41,6 +41,7 @@ from persfs_cl.solver.inputs import warn_of_steep_outline
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reconstruct import reconstruct
+from persfs_cl.surface.formats.format import Taken
 from persfs_cl.surface.solution import Solution
 from persfs_cl.wording import keyword
 
@@ -94,6 +95,11 @@ class Job:
     def title(self) -> str:
         """What errors call the photo."""
         return str(self.path) if self.frame is None else f"{self.path}, frame {self.frame}"
+
+    @property
+    def outlined(self) -> bool:
+        """Whether it is found, or changed, which pixels are the surface."""
+        return self.mask == "auto" or self.mask_erode > 0
 
     @property
     def files(self) -> dict[str, float | str | Path | None]:
@@ -317,8 +323,12 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
 
 def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:
     """A photo with its surface."""
-    path = ready.inputs.photo.path
-    return PhotoSolution(solution, path, ready.colour, ready.prepared, ready.unfiltered, ready.report)
+    inputs = ready.inputs
+    height, width = inputs.photo.image.shape
+    taken = Taken(inputs.camera, (height, width), inputs.job.outlined)
+    return PhotoSolution(
+        solution, inputs.photo.path, ready.colour, ready.prepared, ready.unfiltered, taken, ready.report
+    )
 
 
 def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution:

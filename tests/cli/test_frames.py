@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from command import run, strict
 from lenses import depth, flashed, places
+from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl.io.export import write_grey
+from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.headers import look
 from persfs_cl.pipeline.job import Job
@@ -77,10 +79,31 @@ def test_a_bent_photo_and_all_that_goes_with_it(bent: Path, size: int | None) ->
     found = np.load(folder / "out" / "depth.npy")
     assert max(found.shape) == (64 if size else max(ps.undistort(np.ones(SHAPE), BENT)[0].shape))
     assert _error(folder / "out") < 0.004
+    told = strict(folder / "out" / "camera.json")
+    assert ps.Camera.from_file(folder / "out" / "camera.json").distortion is None
+    assert (told["image_height"], told["image_width"]) == found.shape
+    assert told["photo"]["distortion_coefficients"] == list(LENS)
     report = strict(folder / "out" / "report.json")
     assert report["requested"]["distortion"] == list(LENS)
     assert report["requested"]["size"] == size
     assert report["photo"]["size"] == [128, 96]
+
+
+def test_points_of_the_photo_are_compared_in_the_pixels_of_the_depth(bent: Path) -> None:
+    folder, z = bent.parent, depth(*places(BENT, SHAPE))
+    rows = [(column, row, z[row, column]) for row in range(10, 90, 8) for column in range(10, 120, 8)]
+    np.savetxt(folder / "truth.csv", rows, delimiter=",")
+    common = ("--light", "flash", "--gain", _gain(), "--focal-length", "150", "--save", "depth", "--size", "100")
+    assert run("reconstruct", bent, "-o", folder / "out", "--distortion", COEFFICIENTS, *common).status == 0
+    outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--json")
+    assert outcome.status == 0
+    assert json.loads(outcome.stdout)["depth"]["mean_relative"] < 0.004
+    assert json.loads(outcome.stdout)["depth"]["count"] == len(rows)
+    assert "of which the points are taken to be" in outcome.stderr
+    (folder / "out" / "camera.json").unlink()
+    outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--json")
+    assert json.loads(outcome.stdout)["depth"]["mean_relative"] > 0.01
+    assert "of which the points are taken to be" not in outcome.stderr
 
 
 def test_a_smaller_size_alone(bent: Path) -> None:
@@ -186,7 +209,7 @@ def test_a_mask_that_is_found_and_eroded(tmp_path: Path) -> None:
     disc = (rows - 22) ** 2 + (columns - 25) ** 2 < 300
     image = np.where(disc, scene.image, 0.0)
     write_grey(tmp_path / "photo.png", image / image.max(), 16)
-    common = ("--light", "flash", "--focal-length", str(scene.camera.fx), "--save", "depth,report")
+    common = ("--light", "flash", "--focal-length", str(scene.camera.fx), "--save", "depth,report,outline.png")
     for number, erode in enumerate(("0", "2")):
         out = tmp_path / str(number)
         outcome = run(
@@ -197,6 +220,8 @@ def test_a_mask_that_is_found_and_eroded(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found, eroded(disc, int(erode)))
         photo = strict(out / "report.json")["photo"]
         assert (photo["mask"], photo["mask_erode"], photo["mask_pixels"]) == ("auto", int(erode), found.sum())
+        shown = np.asarray(Image.open(out / "outline.png"))
+        assert (shown[rim(found)] == (255, 96, 0)).all()
     outcome = run("batch", tmp_path / "photo.png", "-o", tmp_path / "all", *common, "--mask", "auto")
     np.testing.assert_array_equal(
         np.load(tmp_path / "all" / "photo.png" / "depth.npy"), np.load(tmp_path / "0" / "depth.npy")
