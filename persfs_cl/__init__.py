@@ -21,10 +21,12 @@ if TYPE_CHECKING:
         KernelBuildError,
         PersfsError,
     )
+    from persfs_cl.framing.maps import undistort
     from persfs_cl.guide.fit import GuideFit
     from persfs_cl.guide.guide import Points
     from persfs_cl.io.maps import read_depth, read_light, read_mask
     from persfs_cl.io.photos import read_image, read_photo
+    from persfs_cl.lens import Fisheye
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.pipeline.batch import BatchResult, batch
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
@@ -66,10 +68,12 @@ else:
         "preparation.normalise": ("clip_highlights", "mean_filter", "normalise_grey", "normalise_linear"),
         "io.maps": ("read_depth", "read_light", "read_mask"),
         "io.photos": ("read_image", "read_photo"),
+        "framing.maps": ("undistort",),
         "guide.fit": ("GuideFit",),
         "guide.guide": ("Points",),
         "shading.flash_light": ("FlashLight",),
         "shading.parallel_light": ("ParallelLight",),
+        "lens": ("Fisheye",),
         "metrics": ("Errors", "compare"),
         "pipeline.batch": ("BatchResult", "batch"),
         "preparation.prepare": ("Preparation", "prepare_photo"),
@@ -117,6 +121,7 @@ __all__ = [
     "DeviceError",
     "Elapsed",
     "Errors",
+    "Fisheye",
     "FlashLight",
     "GuideFit",
     "InputError",
@@ -155,5 +160,6 @@ __all__ = [
     "reconstruct_batch",
     "render",
     "sphere_cap",
+    "undistort",
     "vase",
 ]

@@ -1,17 +1,23 @@
-"""The pinhole camera and its normalised pixel grid."""
+"""The camera, the distortion of its lens, and the normalised pixel grid of a pinhole camera."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from persfs_cl.arrays import Array
 from persfs_cl.checks import as_array, finite_numbers, warn
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.io.calibrations import Calibrated, read_calibration
+from persfs_cl.io.colmap import read_colmap_cameras, unknown_model
 from persfs_cl.io.exif import exif_focal_length
-from persfs_cl.io.files import FilePath
+from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.lens import Distortion, Fisheye, as_distortion, distorted, undistorted
 from persfs_cl.wording import brief, keyword
 
 _WIDEST_DEGREES = 85.0
@@ -44,7 +50,7 @@ class PixelGrid:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera without distortion. Pixels are centred on integers.
+    """A camera. Pixels are centred on integers.
 
     Parameters
     ----------
@@ -54,11 +60,16 @@ class Camera:
         Where the optical axis meets the image: (cx, cy), column and row in pixels; a part that was cut out of a
         photograph keeps its axis, which may lie outside. Left out, it is the middle of the image,
         ((width - 1) / 2, (height - 1) / 2).
+    distortion : sequence of float or Fisheye, optional
+        How the lens bends straight lines: OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, τx,
+        τy]]]], or those of a fisheye lens. :func:`persfs_cl.reconstruct` straightens the image and all that goes with
+        it, see :func:`persfs_cl.undistort`. Left out, or all 0, it is a pinhole camera.
 
     Raises
     ------
     CameraError
-        When a focal length is not a number between 0.001 and 1e9, or the principal point is not two finite numbers.
+        When a focal length is not a number between 0.001 and 1e9, the principal point is not two finite numbers, or the
+        distortion is none.
 
     Examples
     --------
@@ -70,6 +81,7 @@ class Camera:
 
     focal_length: float | tuple[float, float]
     principal_point: tuple[float, float] | None = None
+    distortion: Distortion | None = None
 
     def __post_init__(self) -> None:
         lengths = finite_numbers(self.focal_length)
@@ -90,6 +102,11 @@ class Camera:
                     "of the image.",
                 )
             object.__setattr__(self, "principal_point", point)
+        object.__setattr__(self, "distortion", as_distortion(self.distortion))
+
+    def __repr__(self) -> str:
+        bent = "" if self.distortion is None else f", distortion={self.distortion}"
+        return f"Camera(focal_length={self.focal_length}, principal_point={self.principal_point}{bent})"
 
     @property
     def fx(self) -> float:
@@ -116,7 +133,7 @@ class Camera:
         Raises
         ------
         CameraError
-            When the ray of a pixel lies more than 85 degrees from the optical axis.
+            When the ray of a pixel lies more than 85 degrees from the optical axis, or the lens has a distortion.
         InputError
             When `shape` is not an image's.
 
@@ -132,6 +149,13 @@ class Camera:
         (3, 1)
         """
         height, width = _image_shape(shape)
+        if self.distortion is not None:
+            raise CameraError.about(
+                "distortion",
+                self.distortion,
+                "makes pixels that lie on no straight lines: give what persfs_cl.undistort makes of the image and of "
+                "this camera.",
+            )
         cx, cy = self.centre((height, width))
         farthest = math.hypot(max(abs(cx), abs(width - 1 - cx)) / self.fx, max(abs(cy), abs(height - 1 - cy)) / self.fy)
         if not farthest <= _WIDEST:
@@ -181,6 +205,56 @@ class Camera:
         """
         height, width = shape
         return self.principal_point or ((width - 1) / 2, (height - 1) / 2)
+
+    def pixels(self, places: Array, shape: tuple[int, int]) -> Array:
+        """Where the camera draws what lies at some normalised places.
+
+        Parameters
+        ----------
+        places : ndarray of float64, shape (n, 2)
+            x / z and y / z of points.
+        shape : (int, int)
+            (height, width) of the image.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 2)
+            Column and row in pixels.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import persfs_cl as ps
+        >>> ps.Camera(focal_length=100.0).pixels(np.array([[0.1, 0.0]]), (41, 61))
+        array([[40., 20.]])
+        """
+        drawn = places if self.distortion is None else distorted(self.distortion, places)
+        return np.asarray(drawn * (self.fx, self.fy) + self.centre(shape))
+
+    def places(self, pixels: Array, shape: tuple[int, int]) -> Array:
+        """Normalised places of what the camera draws at some pixels: the inverse of :meth:`pixels`.
+
+        Parameters
+        ----------
+        pixels : ndarray of float64, shape (n, 2)
+            Column and row.
+        shape : (int, int)
+            (height, width) of the image.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 2)
+            NaN where the lens draws nothing.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import persfs_cl as ps
+        >>> ps.Camera(focal_length=100.0).places(np.array([[40.0, 20.0]]), (41, 61))
+        array([[0.1, 0. ]])
+        """
+        drawn = (pixels - self.centre(shape)) / (self.fx, self.fy)
+        return np.asarray(drawn if self.distortion is None else undistorted(self.distortion, drawn))
 
     @classmethod
     def from_fov(
@@ -285,6 +359,43 @@ class Camera:
         return cls(exif_focal_length(path)[0])
 
     @classmethod
+    def from_file(cls, path: FilePath) -> Camera:
+        """The camera that a file describes.
+
+        Parameters
+        ----------
+        path : path
+            `.yaml`, `.yml` or `.json` with `camera_matrix` and `distortion_coefficients`, as OpenCV's calibration and
+            ROS write them (`distortion_model` or `fisheye_model` tell a fisheye), or the `camera.json` that comes with
+            results. Or COLMAP's `cameras.txt` with one camera, of any of its models but FOV and thin prisms.
+
+        Returns
+        -------
+        Camera
+
+        Raises
+        ------
+        InputError
+            When it cannot be read, or holds no camera, or several.
+        CameraError
+            When it holds an impossible camera, or a lens model that is not known; when OpenCV, which reads YAML, is not
+            installed.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> import persfs_cl as ps
+        >>> with TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "cameras.txt"
+        ...     _ = path.write_text("1 SIMPLE_RADIAL 640 480 590.0 320.0 240.0 -0.12")
+        ...     camera = ps.Camera.from_file(path)
+        >>> camera.principal_point, camera.distortion
+        ((319.5, 239.5), (-0.12, 0.0, 0.0, 0.0))
+        """
+        return camera_from(path, read_camera(as_path(path)))
+
+    @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Camera:
         """The camera of a 3×3 calibration matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
 
@@ -327,6 +438,55 @@ class Camera:
                 "Undistort or rectify the photo first."
             )
         return cls((k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
+
+
+def read_camera(path: Path) -> Calibrated:
+    """What the file of one camera says, see :meth:`Camera.from_file`.
+
+    Raises
+    ------
+    InputError, CameraError
+        When it cannot be read, or does not hold one camera.
+    """
+    if path.suffix.lower() != ".txt":
+        return read_calibration(path)
+    cameras = list(read_colmap_cameras(path).values())
+    if len(cameras) > 1:
+        raise InputError(f"{path} has {len(cameras)} cameras: leave the line of one, or give {keyword('cameras')}.")
+    if cameras[0].camera is None:
+        raise CameraError(unknown_model(path, cameras[0]))
+    return cameras[0].camera
+
+
+def camera_from(path: FilePath, calibrated: Calibrated) -> Camera:
+    """The camera that a file describes.
+
+    Raises
+    ------
+    CameraError
+        When it is impossible, naming the file.
+    """
+    given = calibrated.distortion
+    try:
+        if calibrated.fisheye and len(given) not in (0, 4):
+            raise CameraError.about("distortion", given, "is impossible for a fisheye: give k1, k2, k3 and k4.")
+        distortion = Fisheye(*given) if calibrated.fisheye else given or None
+        return Camera(calibrated.focal_length, calibrated.principal_point, distortion)
+    except CameraError as error:
+        raise error.at(str(path)) from error
+
+
+def calibration_of(camera: Camera, shape: tuple[int, int]) -> dict[str, Any]:
+    """What a file says of the camera of an image of shape (height, width), as :meth:`Camera.from_file` reads it."""
+    column, row = camera.centre(shape)
+    lens = camera.distortion
+    return {
+        "image_width": shape[1],
+        "image_height": shape[0],
+        "camera_matrix": [[camera.fx, 0.0, column], [0.0, camera.fy, row], [0.0, 0.0, 1.0]],
+        "distortion_model": "none" if lens is None else "fisheye" if isinstance(lens, Fisheye) else "opencv",
+        "distortion_coefficients": [] if lens is None else list(astuple(lens) if isinstance(lens, Fisheye) else lens),
+    }
 
 
 def require_camera(given: object) -> None:

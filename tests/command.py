@@ -16,6 +16,7 @@ from persfs_cl.cli.app import app
 from persfs_cl.io.export import write_grey
 
 FILES = {
+    "camera.json",
     "depth.npy",
     "depth.tiff",
     "depth.png",

@@ -13,6 +13,7 @@ from persfs_cl.cli.settings import MayBePath
 from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.preparation.correct import cosine_power
+from persfs_cl.preparation.denoise import MOST_DENOISING
 from persfs_cl.preparation.prepare import LEAST_EXPONENT, MOST_EXPONENT, Highlights
 from persfs_cl.preparation.prepared import Normalise
 
@@ -111,6 +112,14 @@ def chosen_brightness(
             rich_help_panel=_PHOTO,
         ),
     ] = 1.0,
+    despeckle: Annotated[
+        bool,
+        typer.Option(
+            "--despeckle/--no-despeckle",
+            help="Replace bright specks of up to 3 pixels, such as hot pixels, by what surrounds them.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = True,
     highlights: Annotated[
         Highlights,
         typer.Option(
@@ -139,6 +148,16 @@ def chosen_brightness(
             rich_help_panel=_PHOTO,
         ),
     ] = None,
+    denoise: Annotated[
+        float,
+        typer.Option(
+            metavar="STRENGTH",
+            min=0.0,
+            max=MOST_DENOISING,
+            help="Take out noise, but smooth across no edge: 0 is off, 0.8 usual.",
+            rich_help_panel=_PHOTO,
+        ),
+    ] = 0.0,
     mean_filter: Annotated[
         int,
         typer.Option(
@@ -153,7 +172,8 @@ def chosen_brightness(
         Normalise | None,
         typer.Option(
             help="For a parallel light. linear, the default: divide by the brightest value (99.5th percentile), which "
-            "keeps the shading equation exact. grey: stretch from the darkest to the brightest, eq. (2) of the paper. "
+            "keeps the shading equation exact. level: so that the median brightness is that of level ground, for open "
+            "ground under an oblique light. grey: stretch from the darkest to the brightest, eq. (2) of the paper. "
             "none: the photo is E already.",
             rich_help_panel=_PHOTO,
         ),
@@ -198,9 +218,11 @@ def chosen_brightness(
         encoding,
         _ambient(ambient),
         _vignetting(vignetting),
+        despeckle,
         highlights,
         saturation,
         clip_highlights,
+        denoise,
         mean_filter,
         normalise,
         white_percentile,

@@ -18,6 +18,8 @@ from persfs_cl.io.photos import Channel, Encoding, read_photo
 from persfs_cl.io.points import PointErrors, at_points, compare_points, read_points
 from persfs_cl.metrics import Errors
 from persfs_cl.metrics import compare as measure
+from persfs_cl.pipeline.frames import in_depth
+from persfs_cl.surface.formats.records import CAMERA
 
 Kind = Literal["auto", "depth", "image"]
 Alignment = Literal["none", "scale", "range"]
@@ -64,7 +66,8 @@ def compare(
     transparent pixels are left out. ME is the paper's mean error, RS its root mean square.
 
     With points, such as triangulation gives, the mean of |z - z'| / z' is printed, and Spearman's rank correlation;
-    for comparison those of a constant depth, and with --photo of 1 / sqrt(brightness).
+    for comparison those of a constant depth, and with --photo of 1 / sqrt(brightness). Points are in pixels of the
+    photo, whose lens and size camera.json tells where the depth map has others.
     """
     with_points = second.suffix.lower() in (".csv", ".json")
     if photo is not None and not with_points:
@@ -118,6 +121,12 @@ def _beside_points(
     """The errors of a depth map, and of two guesses that take no solver, at the same points."""
     values, points = read_depth(depth), read_points(file)
     shape = (values.shape[0], values.shape[1])
+    if (moved := in_depth(points, depth, shape)) is not None:
+        points = moved
+        typer.echo(
+            f"By the {CAMERA} beside it {depth} has other pixels than the photo, of which the points are taken to be.",
+            err=True,
+        )
     wanted = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
     estimate = at_points(np.where(wanted, values, np.nan), points)
     reasons = {

@@ -15,8 +15,10 @@ from persfs_cl.cli.numbers import finite_numbers
 from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.lens import Distortion, Fisheye, as_distortion
 from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.frames import LEAST_SIZE
 from persfs_cl.pipeline.guides import GuideFile, require_guided
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.shading.lights import LIGHTS
@@ -26,6 +28,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Option, Options, complete, described
 
 _CAMERA, _LIGHT, _MATERIAL, _REGION = "Camera", "Light", "Material", "Region and known values"
+_FISHEYE = "fisheye:"
 _EITHER = "'--focal-length' / '--fov'"
 
 AlbedoOption = Annotated[
@@ -59,6 +62,38 @@ AlbedoOrFitOption = Annotated[
 def chosen_albedo(text: str | None) -> Path | Literal["fit"] | None:
     """What the option tells."""
     return None if text is None else _albedo(text)
+
+
+def _mask(text: str) -> Path | Literal["auto"]:
+    return "auto" if text == "auto" else Path(text)
+
+
+MaskOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mask",
+        metavar="FILE|auto",
+        help="Image, white where to solve, or .npy of bool; auto finds the object where it stands out from a dark "
+        "background. Transparent pixels of the photo are left out too.",
+        rich_help_panel=_REGION,
+    ),
+    MayBePath(_mask),
+]
+MaskErodeOption = Annotated[
+    int,
+    typer.Option(
+        "--mask-erode",
+        metavar="PX",
+        min=0,
+        help="Leave out so many pixels along the outline of the mask.",
+        rich_help_panel=_REGION,
+    ),
+]
+
+
+def chosen_mask(text: str | None) -> Path | Literal["auto"] | None:
+    """What the option tells."""
+    return None if text is None else _mask(text)
 
 
 def _bound(text: str) -> float | Path:
@@ -104,6 +139,18 @@ def chosen_bounds(near: str | None, far: str | None) -> tuple[float | Path | Non
         raise WrongOption(error) from error
     return nearest, farthest
 
+
+SizeOption = Annotated[
+    int | None,
+    typer.Option(
+        "--size",
+        metavar="PX",
+        min=LEAST_SIZE,
+        help="Solve with the longer side reduced to so many pixels, by means over areas; camera, mask, guide and all "
+        "that goes with the photo follow.",
+        rich_help_panel=_CAMERA,
+    ),
+]
 
 GuideOption = Annotated[
     Path | None,
@@ -208,6 +255,25 @@ def chosen_camera(
             rich_help_panel=_CAMERA,
         ),
     ] = None,
+    distortion: Annotated[
+        str | None,
+        typer.Option(
+            "--distortion",
+            metavar="K1,K2,P1,P2[,K3...]",
+            help="How the lens bends lines, by OpenCV's coefficients; fisheye:K1,K2,K3,K4 for a fisheye lens. The "
+            "photo and all that goes with it are straightened.",
+            rich_help_panel=_CAMERA,
+        ),
+    ] = None,
+    camera_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="The camera, instead: .yaml or .json as OpenCV writes them, or COLMAP's cameras.txt.",
+            rich_help_panel=_CAMERA,
+        ),
+    ] = None,
 ) -> CameraChoice:
     """The camera that the options tell of.
 
@@ -215,7 +281,15 @@ def chosen_camera(
     ------
     typer.BadParameter
         When a text is no list of numbers, a number is impossible, or both --focal-length and --fov are given.
+    PersfsError
+        When the file of a camera cannot be used.
     """
+    if camera_file is not None:
+        if any(value is not None for value in (focal_length, fov, principal_point, distortion)):
+            raise typer.BadParameter(
+                "give a file, or the camera by the other options, not both.", param_hint="'--camera'"
+            )
+        return CameraChoice.of_file(camera_file)
     if focal_length is not None and fov is not None:
         raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
     length: float | tuple[float, float] | None = None
@@ -226,13 +300,24 @@ def chosen_camera(
     if principal_point is not None:
         column, row = finite_numbers("--principal-point", principal_point, "two numbers, column,row, in pixels", (2,))
         point = column, row
-    choice = CameraChoice(length, fov, point)
-    if length is not None or fov is not None:
-        try:
+    try:
+        choice = CameraChoice(length, fov, point, distortion=_distortion(distortion))
+        if length is not None or fov is not None:
             choice.of(Path(), (1, 1))
-        except CameraError as error:
-            raise WrongOption(error, _EITHER) from error
+    except CameraError as error:
+        raise WrongOption(error, "'--distortion'" if error.argument == "distortion" else _EITHER) from error
     return choice
+
+
+def _distortion(text: str | None) -> Distortion | None:
+    """Coefficients with commas between, a fisheye's behind its name."""
+    if text is None:
+        return None
+    if text.startswith(_FISHEYE):
+        given, meaning = text.removeprefix(_FISHEYE), f"one to four numbers behind {_FISHEYE}"
+        return Fisheye(*finite_numbers("--distortion", given, meaning, range(1, 5)))
+    meaning = f"4, 5, 8, 12 or 14 numbers, or {_FISHEYE}K1,K2,K3,K4"
+    return as_distortion(finite_numbers("--distortion", text, meaning, (4, 5, 8, 12, 14)))
 
 
 def require_focal_length(choice: CameraChoice) -> None:

@@ -17,13 +17,17 @@ from persfs_cl.cli.options import (
     FarOption,
     GuideOption,
     GuideUnitOption,
+    MaskErodeOption,
+    MaskOption,
     NearOption,
+    SizeOption,
     chosen_albedo,
     chosen_bounds,
     chosen_camera,
     chosen_guide,
     chosen_keywords,
     chosen_light,
+    chosen_mask,
     chosen_reflectance,
     require_fitting,
 )
@@ -77,14 +81,8 @@ def reconstruct(
     reflectance: Reflectance,
     albedo: AlbedoOrFitOption = None,
     brightness: Brightness,
-    mask: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Image, white where to solve, or .npy of bool. Transparent pixels of the photo are left out too.",
-            rich_help_panel=_REGION,
-        ),
-    ] = None,
+    mask: MaskOption = None,
+    mask_erode: MaskErodeOption = 0,
     walls: Annotated[
         Path | None,
         typer.Option(
@@ -107,6 +105,7 @@ def reconstruct(
     far: FarOption = None,
     guide: GuideOption = None,
     guide_unit: GuideUnitOption = 1.0,
+    size: SizeOption = None,
     save: SaveOption = "depth,mesh,pictures,page,report,solution",
     mesh_faces: MeshFacesOption = DEFAULT_MESH_FACES,
     solid: SolidOption = False,
@@ -131,7 +130,8 @@ def reconstruct(
         photo,
         camera,
         brightness,
-        mask=mask,
+        mask=chosen_mask(mask),
+        mask_erode=mask_erode,
         walls=walls,
         known_depth=known_depth,
         albedo=paint,
@@ -141,6 +141,7 @@ def reconstruct(
         light=light,
         reflectance=reflectance,
         keywords=keywords,
+        size=size,
     )
     check_folder(output, overwrite=overwrite)
     line = progress_line(keywords["tolerance"], keywords["max_iterations"], keywords["stopping"])
@@ -194,8 +195,10 @@ def _summary(result: PhotoSolution) -> str:
     grey, photo = result.prepared_residual, result.photo_residual
     said, camera = result.report["photo"], result.report["camera"]
     steps = {
+        "specks replaced": said["speck_pixels"] > 0,
         "clipped": said["clip_highlights"] is not None,
         "highlights filled": said["filled_pixels"] > 0,
+        "denoised": said["denoise"] > 0,
         "filtered": said["mean_filter"] > 1,
     }
     prepared = ", ".join(step for step, done in steps.items() if done)

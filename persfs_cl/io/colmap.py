@@ -11,12 +11,24 @@ import numpy as np
 
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
+from persfs_cl.io.calibrations import Calibrated
 from persfs_cl.io.files import read_lines
 from persfs_cl.io.maps import lies_on_a_side
 from persfs_cl.io.raster import upright_places
 
-_PINHOLES = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
-"""Models without distortion, and how many parameters they have."""
+_MODELS: dict[str, tuple[int, tuple[int, ...], bool]] = {
+    "SIMPLE_PINHOLE": (1, (), False),
+    "PINHOLE": (2, (), False),
+    "SIMPLE_RADIAL": (1, (0,), False),
+    "RADIAL": (1, (0, 1), False),
+    "OPENCV": (2, (0, 1, 2, 3), False),
+    "FULL_OPENCV": (2, (0, 1, 2, 3, 4, 5, 6, 7), False),
+    "SIMPLE_RADIAL_FISHEYE": (1, (0,), True),
+    "RADIAL_FISHEYE": (1, (0, 1), True),
+    "OPENCV_FISHEYE": (2, (0, 1, 2, 3), True),
+}
+"""Of a model that OpenCV has too: focal lengths, the places of its coefficients among OpenCV's, and whether they are a
+fisheye's."""
 _STRETCHED = 0.01
 """Logarithm of a ratio that an image may be longer along one side, where sides are not rounded."""
 
@@ -32,17 +44,14 @@ class ColmapCamera:
     model : str
     size : (int, int)
         (height, width) of its images.
-    focal_length : float, (float, float) or None
-        In pixels; None for a model with distortion.
-    principal_point : (float, float) or None
-        Column and row with pixels centred on integers, as here, and not on halves, as there.
+    camera : Calibrated or None
+        None for a model that is not known here.
     """
 
     line: int
     model: str
     size: tuple[int, int]
-    focal_length: float | tuple[float, float] | None = None
-    principal_point: tuple[float, float] | None = None
+    camera: Calibrated | None = None
 
 
 def read_colmap_cameras(path: Path) -> dict[int, ColmapCamera]:
@@ -65,17 +74,31 @@ def read_colmap_cameras(path: Path) -> dict[int, ColmapCamera]:
             raise _odd(path, number, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS") from error
         if identity in cameras:
             raise InputError(f"{path}, line {number}, is the second with camera {identity}: leave one of them out.")
-        if model not in _PINHOLES:
+        if model not in _MODELS:
             cameras[identity] = ColmapCamera(number, model, (height, width))
             continue
-        if len(numbers) != _PINHOLES[model]:
-            raise _odd(path, number, line, f"{_PINHOLES[model]} parameters for {model}")
-        *lengths, column, row = numbers
-        length = (lengths[0], lengths[1]) if len(lengths) == 2 else lengths[0]
-        cameras[identity] = ColmapCamera(number, model, (height, width), length, (column - 0.5, row - 0.5))
+        lengths, places, fisheye = _MODELS[model]
+        if len(numbers) != lengths + 2 + len(places):
+            raise _odd(path, number, line, f"{lengths + 2 + len(places)} parameters for {model}")
+        length = numbers[0] if lengths == 1 else (numbers[0], numbers[1])
+        column, row, *coefficients = numbers[lengths:]
+        distortion = dict(zip(places, coefficients, strict=True))
+        # As many as OpenCV has at least.
+        given = tuple(distortion.get(place, 0.0) for place in range(max(4, len(places)))) if places else ()
+        # Pixels are centred on integers here, and on halves there.
+        camera = Calibrated(length, (column - 0.5, row - 0.5), given, fisheye, (height, width))
+        cameras[identity] = ColmapCamera(number, model, (height, width), camera)
     if not cameras:
         raise InputError(f"{path} has no camera: give the cameras.txt that COLMAP wrote.")
     return cameras
+
+
+def unknown_model(path: Path, camera: ColmapCamera) -> str:
+    """Why a camera cannot be used, and what to do."""
+    return (
+        f"{path}, line {camera.line}, has the camera model {camera.model}, and known are {', '.join(_MODELS)}: "
+        "undistort the photos first, by colmap image_undistorter, and give the cameras that it writes."
+    )
 
 
 def read_colmap_images(path: Path) -> Iterator[tuple[int, str, int]]:

@@ -129,7 +129,7 @@ def at_points(values: ArrayLike, points: Array) -> Array:
     array([ 2., nan])
     """
     grid = np.asarray(values, dtype=np.float64)
-    columns, rows = np.rint(points[:, :2]).astype(np.int64).T
+    columns, rows = np.rint(np.nan_to_num(points[:, :2], nan=-1.0)).astype(np.int64).T
     inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
     return np.where(inside, grid[np.where(inside, rows, 0), np.where(inside, columns, 0)], np.nan)
 

@@ -20,6 +20,7 @@ from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
 from persfs_cl.pipeline.claim import Shard, claimed
+from persfs_cl.pipeline.frames import LEAST_SIZE
 from persfs_cl.pipeline.guides import GuideFile, require_guided
 from persfs_cl.pipeline.listing import Input, Listing, list_inputs
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
@@ -264,6 +265,7 @@ def batch(
     cameras: FilePath | None = None,
     masks: FilePath | None = None,
     mask: FilePath | None = None,
+    mask_erode: int = 0,
     walls: FilePath | None = None,
     known_depth: FilePath | None = None,
     albedo: FilePath | None = None,
@@ -273,6 +275,7 @@ def batch(
     guide: FilePath | None = None,
     guide_unit: float = 1.0,
     frames: str | None = None,
+    size: int | None = None,
     save: str | Iterable[str] = DEFAULT_ITEMS,
     mesh_faces: int | None = DEFAULT_MESH_FACES,
     width: float = Block.width,
@@ -305,7 +308,10 @@ def batch(
     masks : path, optional
         Folder with a mask for each photograph: that of ``a/b.jpg`` is ``a/b.jpg.png``, black where nothing is solved.
     mask, walls, known_depth, albedo : path, optional
-        Files for all photographs, of their size. An albedo may be "fit", as for :func:`reconstruct`.
+        Files for all photographs, of their size. A mask may be "auto": the object is what stands out from a dark
+        background. An albedo may be "fit", as for :func:`reconstruct`.
+    mask_erode : int
+        Pixels along the outline of masks that are left out.
     near, far : float or path, optional
         Depths between which all surfaces lie, see `depth_range` of :func:`reconstruct`: numbers, or such files.
     guides : path, optional
@@ -317,6 +323,8 @@ def batch(
         What the numbers of guides are multiplied by.
     frames : str, optional
         Which frames of videos, "START:STOP:STEP". An error where there are photographs and no video.
+    size : int, optional
+        Pixels that the longer side is reduced to, by means over areas, with all that goes with a photograph.
     save, mesh_faces, width, base
         What is written, as for :meth:`persfs_cl.surface.saving.Saving.of`.
     again : {"changed", "all", "none", "failed"}
@@ -333,8 +341,9 @@ def batch(
         resource "device". Then `device` and `max_memory` are for each of them, and an output is needed.
     **keywords
         Those of :func:`reconstruct`, and those by which a photograph becomes an image: ``channel``, ``encoding``,
-        ``page``, ``half_size``, ``ambient``, ``vignetting``, ``tone_exponent``, ``highlights``, ``saturation``,
-        ``clip_highlights``, ``mean_filter``, ``normalise``, ``white_percentile``, ``white_level``.
+        ``page``, ``half_size``, ``ambient``, ``vignetting``, ``tone_exponent``, ``despeckle``, ``highlights``,
+        ``saturation``, ``clip_highlights``, ``denoise``, ``mean_filter``, ``normalise``, ``white_percentile``,
+        ``white_level``.
 
     Yields
     ------
@@ -386,7 +395,6 @@ def batch(
     files = {
         "masks": masks,
         "guides": guides,
-        "mask": mask,
         "walls": walls,
         "known_depth": known_depth,
     }
@@ -394,11 +402,14 @@ def batch(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
         **{name: None if file is None else as_path(file) for name, file in files.items()},
+        mask="auto" if mask == "auto" else None if mask is None else as_path(mask),
+        mask_erode=as_whole_number("mask_erode", mask_erode, least=0),
         albedo=paint,
         near=near,
         far=far,
         guide=None if guide is None else GuideFile(as_path(guide), guide_unit),
         guide_unit=guide_unit,
+        size=None if size is None else as_whole_number("size", size, least=LEAST_SIZE),
         brightness=brightness,
         light=settings["light"],
         reflectance=settings["reflectance"],

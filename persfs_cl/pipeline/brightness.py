@@ -15,8 +15,11 @@ from persfs_cl.io.photos import Channel, Encoding
 from persfs_cl.preparation.prepare import Highlights, Preparation
 from persfs_cl.preparation.prepared import Normalise, PreparedPhoto
 from persfs_cl.shading.model import Light
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
+_UPRIGHT = 1e-6
+"""By how much less than 1 E of level ground is at least."""
 _DARKENING = ("clip_highlights", "mean_filter", "ambient", "highlights")
 """What can take the shading away."""
 
@@ -29,10 +32,11 @@ class Brightness:
     ----------
     channel, encoding, page, half_size
         As for :func:`persfs_cl.io.photos.read_photo`.
-    ambient, vignetting, highlights, saturation, clip_highlights, mean_filter, tone_exponent
+    ambient, vignetting, despeckle, highlights, saturation, clip_highlights, denoise, mean_filter, tone_exponent
         As for :class:`persfs_cl.preparation.prepare.Preparation`, with files instead of arrays.
-    normalise : {"linear", "grey", "none"} or None
-        Divide by the brightest value, stretch by eq. (2), or leave as it is. None is "linear" for a parallel light;
+    normalise : {"linear", "level", "grey", "none"} or None
+        Divide by the brightest value, or so that the median is that of level ground, stretch by eq. (2), or leave as it
+        is. None is "linear" for a parallel light;
         for others nothing is normalised.
     white_percentile, white_level : float or None
         The `percentile` and the `white` of :meth:`persfs_cl.preparation.prepared.PreparedPhoto.normalised`.
@@ -42,9 +46,11 @@ class Brightness:
     encoding: Encoding = "auto"
     ambient: float | Path = 0.0
     vignetting: str | Path = "none"
+    despeckle: bool = True
     highlights: Highlights = "keep"
     saturation: float | None = None
     clip_highlights: float | None = None
+    denoise: float = 0.0
     mean_filter: int = 1
     normalise: Normalise | None = None
     white_percentile: float | None = None
@@ -76,7 +82,9 @@ class Brightness:
         numbers = {name: getattr(self, name) for name in Preparation.__dataclass_fields__}
         return Preparation(**(numbers | files))
 
-    def applied(self, prepared: PreparedPhoto, light: Light) -> tuple[Array, Array, dict[str, Any]]:
+    def applied(
+        self, prepared: PreparedPhoto, light: Light, reflectance: Reflectance
+    ) -> tuple[Array, Array, dict[str, Any]]:
         """The image to solve, the photo itself on the same scale, and what was done, for the report.
 
         The second is less ambient light and without vignetting, but neither clipped nor filled nor filtered; where E is
@@ -98,7 +106,10 @@ class Brightness:
         done |= {name: str(file) for name, file in vars(self).items() if isinstance(file, Path)}
         if light.normalised:
             normalised = prepared.normalised(
-                self.normalise or "linear", percentile=self.white_percentile, white=self.white_level
+                self.normalise or "linear",
+                percentile=self.white_percentile,
+                white=self.white_level,
+                level=_of_level_ground(light, reflectance) if self.normalise == "level" else None,
             )
             return normalised.image, normalised.unfiltered, {**done, **normalised.report}
         whites = [name for name in ("white_percentile", "white_level") if getattr(self, name) is not None]
@@ -111,3 +122,22 @@ class Brightness:
                 value=getattr(self, name),
             )
         return image, prepared.unfiltered, {**done, "normalise": "none"}
+
+
+def _of_level_ground(light: Light, reflectance: Reflectance) -> float:
+    """E of a surface that faces the camera, on the optical axis.
+
+    Raises
+    ------
+    InputError
+        When it is the brightest there is, so that a median says nothing of it.
+    """
+    level = float(light.brightness(0.0, 0.0, 0.0, 0.0, 0.0, reflectance))
+    if not 0.0 < level < 1.0 - _UPRIGHT:
+        raise InputError.about(
+            "normalise",
+            "level",
+            "is for an oblique light, under which level ground is darker than what faces it: tell the light's "
+            f"direction, or take {keyword('normalise', 'linear')}.",
+        )
+    return level

@@ -10,16 +10,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, camera_from
 from persfs_cl.checks import as_number
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.colmap import ColmapCamera, read_colmap_cameras, read_colmap_images
+from persfs_cl.io.calibrations import Calibrated
+from persfs_cl.io.colmap import read_colmap_cameras, read_colmap_images, unknown_model
 from persfs_cl.io.files import FilePath, as_path, read_bytes, read_lines
+from persfs_cl.lens import Distortion, Fisheye, as_distortion
 from persfs_cl.pipeline.listing import Input
 from persfs_cl.pipeline.optics import CameraChoice
 
 _PATH = "path"
-_COLUMNS = ("focal_length", "fx", "fy", "fov", "cx", "cy", "width", "height")
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+"""In OpenCV's order."""
+_COLUMNS = ("focal_length", "fx", "fy", "fov", "cx", "cy", "width", "height", "fisheye", *_COEFFICIENTS)
 _SHAPE = (1000, 1000)
 """Of an image that a field of view is tried on: any will do."""
 
@@ -61,7 +65,7 @@ class CameraTable:
         Raises
         ------
         CameraError
-            When the table lacks it, or has a camera with distortion for it.
+            When the table lacks it, or has a camera of an unknown model for it.
         """
         for key in self._keys(entry, roots):
             if key in self.rows:
@@ -92,12 +96,14 @@ def read_cameras(path: FilePath) -> CameraTable:
     path : path
         - A `.csv` file, whose first line names the columns: `path`; `focal_length`, or `fx` and `fy`, or `fov`; and,
           if one likes, `cx` and `cy`, `width` and `height`. All but the field of view, in degrees, are in pixels, which
-          are centred on integers.
+          are centred on integers. Coefficients of the distortion are `k1`, `k2`, `p1`, `p2`, `k3` to `k6`, as OpenCV
+          has them, or with 1 for `fisheye` `k1` to `k4` of a fisheye lens.
         - A `.json` file, with an object that has the same names for each photograph: by their paths in an object, or
-          with a `path` each in a list. `focal_length` may be a pair, and `principal_point` may stand for `cx` and `cy`.
-        - The folder of a model of COLMAP, in text, or its `cameras.txt`, with `images.txt` beside it. Cameras are
-          SIMPLE_PINHOLE or PINHOLE. COLMAP centres pixels on halves, which is taken into account. Without `images.txt`,
-          its only camera is that of all photographs.
+          with a `path` each in a list. `focal_length` may be a pair, `principal_point` may stand for `cx` and `cy`, and
+          a list `distortion` for its coefficients.
+        - The folder of a model of COLMAP, in text, or its `cameras.txt`, with `images.txt` beside it. Cameras are of
+          any of its models but FOV and those with thin prisms. COLMAP centres pixels on halves, which is taken into
+          account. Without `images.txt`, its only camera is that of all photographs.
 
     Returns
     -------
@@ -151,6 +157,7 @@ def _choice(row: Mapping[str, Any]) -> CameraChoice:
     point = given.pop("principal_point", None) if point is None else point
     size = _pair(given, "height", "width")
     lengths = _pair(given, "fx", "fy")
+    distortion = _distortion(given)
     said = {"fx and fy": lengths, "focal_length": given.pop("focal_length", None), "fov": given.pop("fov", None)}
     if given:
         raise InputError(f"{next(iter(given))!r} is no name of a table: use {', '.join((_PATH, *_COLUMNS))}.")
@@ -158,7 +165,7 @@ def _choice(row: Mapping[str, Any]) -> CameraChoice:
         names = " and ".join(name for name, value in said.items() if value is not None) or "neither"
         raise InputError(f"it has {names}: give the focal length or the field of view, once.")
     fov = None if said["fov"] is None else as_number("fov", said["fov"], error=CameraError)
-    camera = Camera(lengths or said["focal_length"] or 0.0, point) if fov is None else None
+    camera = Camera(lengths or said["focal_length"] or 0.0, point, distortion) if fov is None else None
     tried = Camera.from_fov(fov, _SHAPE, point) if camera is None and fov is not None else camera
     shape = None
     if size is not None:
@@ -166,8 +173,30 @@ def _choice(row: Mapping[str, Any]) -> CameraChoice:
         if shape != size or min(shape) < 1:
             raise InputError(f"width {size[1]:g} and height {size[0]:g} are no size: give whole pixels.")
     return CameraChoice(
-        None if camera is None else camera.focal_length, fov, None if tried is None else tried.principal_point, shape
+        None if camera is None else camera.focal_length,
+        fov,
+        None if tried is None else tried.principal_point,
+        shape,
+        distortion=distortion if camera is None else camera.distortion,
     )
+
+
+def _distortion(given: dict[str, Any]) -> Distortion | None:
+    """What a row says of the lens, taken out of it."""
+    fisheye = bool(as_number("fisheye", float(given.pop("fisheye", 0)), least=0.0, most=1.0, error=CameraError))
+    named = {name: float(given.pop(name)) for name in _COEFFICIENTS if name in given}
+    listed = given.pop("distortion", None)
+    if listed is not None and named:
+        raise InputError(f"it has a distortion and {next(iter(named))}: give the coefficients once.")
+    if fisheye and any(name.startswith("p") or name in ("k5", "k6") for name in named):
+        raise InputError(f"a fisheye has k1, k2, k3 and k4, and it has {', '.join(named)}: leave the others out.")
+    if fisheye:
+        return Fisheye(*(listed or ()), **named)
+    if named:
+        last = max(_COEFFICIENTS.index(name) for name in named)
+        # As many as OpenCV takes: 4, 5 or 8.
+        listed = [named.get(name, 0.0) for name in _COEFFICIENTS[: 4 if last < 4 else 5 if last == 4 else 8]]
+    return as_distortion(listed)
 
 
 def _pair(given: dict[str, Any], one: str, other: str) -> tuple[float, float] | None:
@@ -258,7 +287,9 @@ def _read_colmap(path: Path) -> CameraTable:
         )
     cameras = read_colmap_cameras(path)
     usable = {
-        number: _colmap_choice(path, camera) for number, camera in cameras.items() if camera.focal_length is not None
+        number: _colmap_choice(path, camera.line, camera.camera)
+        for number, camera in cameras.items()
+        if camera.camera is not None
     }
     images = path.with_name("images.txt")
     if not images.exists():
@@ -267,8 +298,8 @@ def _read_colmap(path: Path) -> CameraTable:
                 f"{path} has {len(cameras)} cameras: put COLMAP's images.txt beside it, which tells whose."
             )
         for camera in cameras.values():
-            if camera.focal_length is None:
-                raise CameraError(_distorted(path, camera))
+            if camera.camera is None:
+                raise CameraError(unknown_model(path, camera))
         return CameraTable(path, {}, {}, next(iter(usable.values())))
     rows, refused = {}, {}
     for line, name, number in read_colmap_images(images):
@@ -279,24 +310,12 @@ def _read_colmap(path: Path) -> CameraTable:
         if number in usable:
             rows[_key(name)] = usable[number]
         else:
-            refused[_key(name)] = _distorted(path, cameras[number])
+            refused[_key(name)] = unknown_model(path, cameras[number])
     return CameraTable(path, rows, refused)
 
 
-def _colmap_choice(path: Path, camera: ColmapCamera) -> CameraChoice:
-    try:
-        checked = Camera(camera.focal_length or 0.0, camera.principal_point)
-    except CameraError as error:
-        raise error.at(f"{path}, line {camera.line}") from error
-    return CameraChoice(checked.focal_length, None, checked.principal_point, camera.size, path.name)
-
-
-def _distorted(path: Path, camera: ColmapCamera) -> str:
-    return (
-        f"{path}, line {camera.line}, has the camera model {camera.model}, and only SIMPLE_PINHOLE and PINHOLE are "
-        "without distortion: undistort the photos first, by colmap image_undistorter, and give the cameras that it "
-        "writes."
-    )
+def _colmap_choice(path: Path, line: int, camera: Calibrated) -> CameraChoice:
+    return replace(CameraChoice.like(camera_from(f"{path}, line {line}", camera)), size=camera.size, table=path.name)
 
 
 def _key(path: str) -> str:

@@ -132,5 +132,4 @@ def _projected(path: Path, points: Array, camera: Camera, shape: tuple[int, int]
             f"{path} has none of its {len(points)} points in front of the camera: give them in its axes, x to the "
             "right, y down, z forward."
         )
-    column, row = camera.centre(shape)
-    return np.column_stack([column + camera.fx * x / z, row + camera.fy * y / z, z])
+    return np.column_stack([camera.pixels(np.column_stack([x / z, y / z]), shape), z])

@@ -10,6 +10,7 @@ from persfs_cl.io.decode import read_header, require_sensor, require_type
 from persfs_cl.io.maps import MapKind, check_map
 from persfs_cl.io.raster import Header
 from persfs_cl.io.video import read_video_header
+from persfs_cl.pipeline.frames import frames_for
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.optics import horizontal_view
 
@@ -107,8 +108,11 @@ def look(job: Job) -> Looked:
     if job.guide is not None:
         job.guide.check()
     camera, source = job.camera.of(job.path, size)
+    straight, shape = camera, size
     try:
-        camera.grid(size)
+        for frame in frames_for(camera, size, job.size):
+            straight, shape = frame.camera, frame.shape
+        straight.grid(shape)
     except CameraError as error:
         raise error.at(job.title) from error
-    return Looked(size, bits, camera, source, horizontal_view(camera, size), job.mask is not None)
+    return Looked(size, bits, camera, source, horizontal_view(straight, shape), job.mask is not None)

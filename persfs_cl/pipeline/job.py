@@ -13,21 +13,25 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.colour import encode_srgb
 from persfs_cl.errors import CameraError, InputError
+from persfs_cl.framing.maps import Maps
 from persfs_cl.guide.guide import Points
 from persfs_cl.io.maps import read_depth, read_light, read_mask
 from persfs_cl.io.photos import Photo, read_frame, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.frames import frames_for
 from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
 from persfs_cl.pipeline.results import PhotoSolution
 from persfs_cl.preparation.prepare import Preparation, prepare_photo
-from persfs_cl.preparation.prepared import PreparedPhoto
+from persfs_cl.preparation.prepared import PreparedPhoto, framed
+from persfs_cl.preparation.silhouette import eroded, silhouette
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
@@ -37,6 +41,7 @@ from persfs_cl.solver.inputs import warn_of_steep_outline
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reconstruct import reconstruct
+from persfs_cl.surface.formats.format import Taken
 from persfs_cl.surface.solution import Solution
 from persfs_cl.wording import keyword
 
@@ -52,7 +57,9 @@ class Job:
     camera : CameraChoice
     brightness : Brightness
     mask, walls, known_depth, albedo : Path or None
-        Files of the photo's size. An albedo may be "fit": it is found.
+        Files of the photo's size. A mask may be "auto", and an albedo "fit": then they are found.
+    mask_erode : int
+        Pixels along the outline of the mask that are left out.
     near, far : float, Path or None
         Depths between which the surface lies, as numbers or files.
     guide : GuideFile or None
@@ -63,12 +70,14 @@ class Job:
         Further keywords of :func:`persfs_cl.reconstruct`.
     frame : int or None
         Of a video, which frame is the photo.
+    size : int or None
+        Pixels of the longer side that are solved, at most.
     """
 
     path: Path
     camera: CameraChoice
     brightness: Brightness
-    mask: Path | None = None
+    mask: Path | Literal["auto"] | None = None
     walls: Path | None = None
     known_depth: Path | None = None
     albedo: Path | Literal["fit"] | None = None
@@ -79,11 +88,18 @@ class Job:
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
     frame: int | None = None
+    size: int | None = None
+    mask_erode: int = 0
 
     @property
     def title(self) -> str:
         """What errors call the photo."""
         return str(self.path) if self.frame is None else f"{self.path}, frame {self.frame}"
+
+    @property
+    def outlined(self) -> bool:
+        """Whether it is found, or changed, which pixels are the surface."""
+        return self.mask == "auto" or self.mask_erode > 0
 
     @property
     def files(self) -> dict[str, float | str | Path | None]:
@@ -103,6 +119,7 @@ class JobInputs:
     photo : Photo
     preparation : Preparation
     camera : Camera
+        Of the photo.
     source : str
         What told the focal length.
     wanted : ndarray of bool, shape (height, width)
@@ -145,10 +162,13 @@ class PreparedJob:
         With the maps of saturated pixels, highlights and others.
     image, unfiltered : ndarray of float64, shape (height, width)
         What is solved, and the photo itself on the same scale.
-    mask : ndarray of bool, shape (height, width)
-        Pixels to solve.
-    known_depth : ndarray of float64, shape (height, width), or None
-        NaN where unknown; None leaves it to the solver what to assume.
+    camera : Camera
+        A pinhole camera, that of the image.
+    maps : Maps
+        What goes with the image: its mask is what is solved; without known depths it is left to the solver what to
+        assume.
+    colour : ndarray of uint8, shape (height, width, 3)
+        Of the photo, for people to look at.
     report : mapping
         What the report says besides what it says of the solution.
     """
@@ -157,21 +177,10 @@ class PreparedJob:
     prepared: PreparedPhoto
     image: Array
     unfiltered: Array
-    mask: Mask
-    known_depth: Array | None
+    camera: Camera
+    maps: Maps
+    colour: NDArray[np.uint8]
     report: Mapping[str, Any]
-
-    @property
-    def maps(self) -> dict[str, Any]:
-        """What goes with the image, by the keywords of :func:`persfs_cl.reconstruct`."""
-        return {
-            "mask": self.mask,
-            "walls": self.inputs.walls,
-            "known_depth": self.known_depth,
-            "albedo": self.inputs.albedo,
-            "depth_range": self.inputs.depth_range,
-            "guide": self.inputs.guide,
-        }
 
 
 def read_job(job: Job) -> JobInputs:
@@ -200,7 +209,13 @@ def read_job(job: Job) -> JobInputs:
     shape = (photo.image.shape[0], photo.image.shape[1])
     opaque = np.ones(shape, bool) if photo.mask is None else photo.mask
     turned = photo.orientation
-    inside = np.ones(shape, bool) if job.mask is None else read_mask(job.mask, shape, orientation=turned)
+    inside = np.ones(shape, bool)
+    if isinstance(job.mask, Path):
+        inside = read_mask(job.mask, shape, orientation=turned)
+    elif job.mask == "auto":
+        with _naming(job.title):
+            inside = silhouette(photo.image, mask=opaque & np.isfinite(photo.image))
+    inside = eroded(inside, job.mask_erode)
     walls = None if job.walls is None else read_mask(job.walls, shape, orientation=turned)
     depths = None if job.known_depth is None else read_depth(job.known_depth, shape, orientation=turned)
     shares: Array | Literal["fit"] | None = None
@@ -234,31 +249,46 @@ def prepare(inputs: JobInputs) -> PreparedJob:
     PersfsError
         Naming the photo.
     """
-    job, photo, wanted, walls = inputs.job, inputs.photo, inputs.wanted, inputs.walls
-    depths = inputs.known_depth
-    assumed = depths is None and inputs.depth_range is None and inputs.guide is None and job.light.flat_rim
-    known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
-    solvable = wanted
+    job, photo, walls = inputs.job, inputs.photo, inputs.walls
+    camera, colour = inputs.camera, photo.colour
+    maps = Maps(inputs.wanted, walls, inputs.known_depth, inputs.albedo, inputs.depth_range, inputs.guide)
     with _naming(job.title):
         _require_shading(photo, inputs.lit)
-        prepared = prepare_photo(photo, inputs.camera, inputs.preparation, mask=inputs.lit)
+        prepared = prepare_photo(photo, camera, inputs.preparation, mask=inputs.lit)
+        told = prepared.mask
         if walls is not None:
-            seen = wanted & np.isfinite(photo.image)
+            seen = inputs.wanted & np.isfinite(photo.image)
             # Their light tells which side walls belong to: corrected like all other, but not mixed with it.
-            alone = replace(inputs.preparation, highlights="keep", clip_highlights=None, mean_filter=1)
-            of_walls = prepare_photo(photo, inputs.camera, alone, mask=seen).light
+            alone = replace(
+                inputs.preparation, despeckle=False, highlights="keep", clip_highlights=None, denoise=0.0, mean_filter=1
+            )
+            of_walls = prepare_photo(photo, camera, alone, mask=seen).light
             prepared = replace(
                 prepared,
                 light=np.where(walls & seen, of_walls, prepared.light),
                 unfiltered=np.where(walls & seen, of_walls, prepared.unfiltered),
             )
-        image, unfiltered, done = job.brightness.applied(prepared, job.light)
+            told = told | (walls & seen)
+        for frame in frames_for(camera, (told.shape[0], told.shape[1]), job.size):
+            prepared, told = framed(prepared, frame, told), frame.mostly(told)
+            maps, colour, camera = maps.framed(frame), frame.colour(colour), frame.camera
+        wanted = np.ones(told.shape, bool) if maps.mask is None else maps.mask
+        if not (prepared.mask & wanted).any():
+            raise InputError(
+                f"{prepared.mask.shape[1]} × {prepared.mask.shape[0]} pixels leave none to solve: give a larger "
+                f"{keyword('size')}, or a mask that leaves more."
+            )
+        image, unfiltered, done = job.brightness.applied(prepared, job.light, job.reflectance)
+        depths, walls = maps.known_depth, maps.walls
+        assumed = depths is None and maps.depth_range is None and maps.guide is None and job.light.flat_rim
+        known = rim(wanted) if assumed else np.zeros(wanted.shape, bool) if depths is None else np.isfinite(depths)
+        solvable = wanted
         if prepared.masked.any():
             solvable = wanted & ~prepared.masked
             if assumed:
                 # The edge of a hole is no edge of the object.
                 depths = np.where(known, 1.0, np.nan)
-                albedo = None if isinstance(inputs.albedo, str) else inputs.albedo
+                albedo = None if isinstance(maps.albedo, str) else maps.albedo
                 looked_at = solvable if walls is None else solvable & ~walls
                 brightness = image if albedo is None else image / albedo
                 warn_of_steep_outline(brightness, looked_at, wanted, job.light, job.reflectance)
@@ -270,17 +300,21 @@ def prepare(inputs: JobInputs) -> PreparedJob:
             **({"profile": photo.profile} if photo.profile else {}),
             **({"page": job.brightness.page} if job.brightness.page is not None else {}),
             **({"half_size": True} if job.brightness.half_size else {}),
+            "size": list(photo.image.shape[::-1]),
             **{name: str(file) if isinstance(file, Path) else file for name, file in job.files.items()},
+            "mask_erode": job.mask_erode,
+            "mask_pixels": int(np.count_nonzero(inputs.wanted)),
             **({} if job.frame is None else {"frame": job.frame}),
         },
         "known": {
             "pixels": int(np.count_nonzero(known)),
             "assumed": "z = 1 on the edge of the image or mask" if assumed else None,
         },
-        "camera": {"source": inputs.source, "horizontal_view": horizontal_view(inputs.camera, wanted.shape)},
-        "requested": {**job.camera.said, "device": job.keywords.get("device")},
+        "camera": {"source": inputs.source, "horizontal_view": horizontal_view(camera, image.shape)},
+        "requested": {**job.camera.said, "size": job.size, "device": job.keywords.get("device")},
     }
-    return PreparedJob(inputs, prepared, image, unfiltered, solvable, depths, report)
+    maps = replace(maps, mask=solvable, known_depth=depths)
+    return PreparedJob(inputs, prepared, image, unfiltered, camera, maps, colour, report)
 
 
 def pose(ready: PreparedJob, options: Options) -> Problem:
@@ -299,12 +333,17 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
     """
     inputs = ready.inputs
     with _naming(inputs.job.title):
-        return Problem.of(check(ready.image, inputs.camera, **ready.maps, options=options, whole=False))
+        return Problem.of(check(ready.image, ready.camera, **vars(ready.maps), options=options, whole=False))
 
 
 def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:
     """A photo with its surface."""
-    return PhotoSolution(solution, ready.inputs.photo, ready.prepared, ready.unfiltered, ready.report)
+    inputs = ready.inputs
+    height, width = inputs.photo.image.shape
+    taken = Taken(inputs.camera, (height, width), inputs.job.outlined)
+    return PhotoSolution(
+        solution, inputs.photo.path, ready.colour, ready.prepared, ready.unfiltered, taken, ready.report
+    )
 
 
 def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution:
@@ -327,8 +366,8 @@ def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution
     with _naming(job.title):
         solution = reconstruct(
             ready.image,
-            inputs.camera,
-            **ready.maps,
+            ready.camera,
+            **vars(ready.maps),
             **keywords,
         )
     return finished(ready, solution)

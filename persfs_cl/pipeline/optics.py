@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from persfs_cl.camera import Camera
+from persfs_cl.camera import Camera, camera_from, read_camera
 from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
 from persfs_cl.io.exif import exif_focal_length
+from persfs_cl.lens import Distortion, Fisheye
 from persfs_cl.wording import keyword
 
 _WIDE = 120.0
@@ -33,6 +34,8 @@ class CameraChoice:
         (height, width) of the images that this was said of; one of another size is refused.
     table : str or None
         The file that says all this, if a file does. It makes no difference to the camera.
+    distortion : tuple of float, Fisheye or None
+        Of the lens, as for :class:`persfs_cl.Camera`.
     """
 
     focal_length: float | tuple[float, float] | None = None
@@ -40,16 +43,42 @@ class CameraChoice:
     principal_point: tuple[float, float] | None = None
     size: tuple[int, int] | None = None
     table: str | None = field(default=None, compare=False)
+    distortion: Distortion | None = None
+
+    def __post_init__(self) -> None:
+        if self.fov is not None and self.distortion is not None:
+            raise CameraError.about(
+                "fov",
+                self.fov,
+                f"tells the focal length only of a lens without {keyword('distortion')}: give "
+                f"{keyword('focal_length')}, in pixels.",
+            )
 
     @classmethod
     def like(cls, camera: Camera) -> CameraChoice:
         """What is to be said for a camera."""
-        return cls((camera.fx, camera.fy), principal_point=camera.principal_point)
+        return cls(camera.focal_length, principal_point=camera.principal_point, distortion=camera.distortion)
+
+    @classmethod
+    def of_file(cls, path: Path) -> CameraChoice:
+        """What the file of one camera says, see :meth:`persfs_cl.Camera.from_file`.
+
+        Raises
+        ------
+        InputError, CameraError
+            When it cannot be used.
+        """
+        calibrated = read_camera(path)
+        return replace(cls.like(camera_from(path, calibrated)), size=calibrated.size, table=path.name)
 
     @property
     def said(self) -> dict[str, Any]:
         """What is said of the camera itself, for the report."""
-        return {name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")}
+        lens = self.distortion
+        return {
+            **{name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")},
+            "distortion": {"fisheye": astuple(lens)} if isinstance(lens, Fisheye) else lens,
+        }
 
     def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
         """The camera of an image, and what told its focal length.
@@ -84,10 +113,10 @@ class CameraChoice:
                 length, tags = exif_focal_length(path, shape)
             except CameraError as error:
                 raise error.adding(f"Or give {keyword('fov')}, the horizontal field of view in degrees.") from error
-            return Camera(length, self.principal_point), f"EXIF {tags}"
-        camera = Camera(self.focal_length, self.principal_point)
+            return Camera(length, self.principal_point, self.distortion), f"EXIF {tags}"
+        camera = Camera(self.focal_length, self.principal_point, self.distortion)
         view = horizontal_view(camera, shape)
-        if view > _WIDE:
+        if view > _WIDE and not isinstance(self.distortion, Fisheye):
             given = keyword("focal_length", camera.fx, written=f"{camera.fx:g}")
             warn(
                 f"{given} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "

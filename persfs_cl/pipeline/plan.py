@@ -46,7 +46,9 @@ class Plan:
     masks : Path or None
         A folder with a mask for each photo.
     mask, walls, known_depth, albedo : Path or None
-        Files for all photos, which must have their size.
+        Files for all photos, which must have their size. A mask may be "auto", and an albedo "fit".
+    mask_erode : int
+        Pixels along the outline of masks that are left out.
     near, far : float, Path or None
         Bounds of the depth for all photos, as numbers or such files.
     guides : Path or None
@@ -55,7 +57,7 @@ class Plan:
         One for all photos.
     guide_unit : float
         Of those in the folder.
-    brightness, light, reflectance, keywords
+    size, brightness, light, reflectance, keywords
         As for :class:`persfs_cl.pipeline.job.Job`.
     saving : Saving
     """
@@ -63,7 +65,8 @@ class Plan:
     camera: CameraChoice = field(default_factory=CameraChoice)
     cameras: CameraTable | None = None
     masks: Path | None = None
-    mask: Path | None = None
+    mask: Path | Literal["auto"] | None = None
+    mask_erode: int = 0
     walls: Path | None = None
     known_depth: Path | None = None
     albedo: Path | Literal["fit"] | None = None
@@ -72,6 +75,7 @@ class Plan:
     guides: Path | None = None
     guide: GuideFile | None = None
     guide_unit: float = 1.0
+    size: int | None = None
     brightness: Brightness = field(default_factory=Brightness)
     light: Light = ParallelLight()
     reflectance: Reflectance = Lambertian()
@@ -97,6 +101,7 @@ class Plan:
             self.camera if self.cameras is None else self.cameras.choice(one, roots),
             self.brightness,
             mask=self.mask if self.masks is None else mask_for(one, self.masks),
+            mask_erode=self.mask_erode,
             walls=self.walls,
             known_depth=self.known_depth,
             albedo=self.albedo,
@@ -107,6 +112,7 @@ class Plan:
             reflectance=self.reflectance,
             keywords=self.keywords,
             frame=one.frame,
+            size=self.size,
         )
 
     def require_files(self) -> None:
@@ -136,10 +142,11 @@ class Plan:
             "cameras": None if self.cameras is None else str(self.cameras.path),
             **{
                 name: _plain(getattr(self, name))
-                for name in ("masks", "mask", "walls", "known_depth", "albedo", "near", "far", "guides")
+                for name in ("masks", "mask", "mask_erode", "walls", "known_depth", "albedo", "near", "far", "guides")
             },
             "guide": None if self.guide is None else str(self.guide.path),
             "guide_unit": self.guide_unit if self.guide is None else self.guide.unit,
+            "size": self.size,
             "brightness": _plain(self.brightness),
             "light": _plain(self.light),
             "reflectance": _plain(self.reflectance),
@@ -158,11 +165,13 @@ class Plan:
             },
             "bounds": ["file" if isinstance(bound, Path) else bound for bound in (job.near, job.far)],
             "albedo": job.albedo if isinstance(job.albedo, str) else None,
+            "mask": [job.mask if isinstance(job.mask, str) else None, job.mask_erode],
             "guide_unit": None if job.guide is None else job.guide.unit,
             "light": _plain(job.light),
             "reflectance": _plain(job.reflectance),
             "keywords": self._completed(),
             "frame": job.frame,
+            "size": job.size,
             "files": self.saving.files,
             **self.saving.said,
         }

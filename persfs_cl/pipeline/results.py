@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.gallery.index import write_index
 from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
-from persfs_cl.io.photos import Photo
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
+from persfs_cl.surface.formats.format import Taken
 from persfs_cl.surface.formats.pictures import PAGE, PREVIEW
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
@@ -34,19 +35,26 @@ class PhotoSolution:
     Attributes
     ----------
     solution : Solution
-    photo : Photo
+    path : Path
+        The photo's file.
+    colour : ndarray of uint8, shape (height, width, 3)
+        Of the photo, for people to look at.
     prepared : PreparedPhoto
         With the maps of saturated pixels, highlights and others.
     unfiltered : ndarray of float64, shape (height, width)
         The photo itself, on the scale of the prepared image.
+    taken : Taken
+        Camera and size of the photo.
     report : mapping
         What the report says besides what it says of the solution.
     """
 
     solution: Solution
-    photo: Photo
+    path: Path
+    colour: NDArray[np.uint8]
     prepared: PreparedPhoto
     unfiltered: Array
+    taken: Taken
     report: Mapping[str, Any]
 
     @cached_property
@@ -141,10 +149,11 @@ def write(
         "darker than the ambient light": prepared.below_ambient,
         "highlight, left out": prepared.masked,
         "highlight, filled": prepared.filled,
+        "bright speck, replaced": prepared.specks,
         "saturated": prepared.saturated,
         "clipped": prepared.clipped,
     }
-    title = name or solved.photo.path.name
+    title = name or solved.path.name
     derived = Derived(solution, unreliable)
 
     def report() -> dict[str, Any]:
@@ -153,12 +162,19 @@ def write(
 
     with filling(folder) as temporary:
         written = write_files(
-            temporary, solution, saving, derived, colour=solved.photo.colour, report=report, threads=threads
+            temporary,
+            solution,
+            saving,
+            derived,
+            colour=solved.colour,
+            report=report,
+            taken=solved.taken,
+            threads=threads,
         )
         if not set(PREVIEW).isdisjoint(saving.files):
-            written += write_preview(temporary, solution, solved.photo.colour, name=title, wanted=saving.files)
+            written += write_preview(temporary, solution, solved.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:
-            about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.photo.path), "status": "done"}
+            about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.path), "status": "done"}
             written.append(write_index(temporary, [about], title=title, parameters=solution.parameters).name)
     return [folder / file for file in written]
 

@@ -93,6 +93,9 @@ def divide_vignetting(image: ArrayLike, vignetting: ArrayLike, *, mask: ArrayLik
     return np.divide(values, share, out=values.copy(), where=inside)
 
 
+_RAYS = 64
+"""Along a side of an image, of a lens with distortion."""
+
 MOST_POWER = 20.0
 """A lens that darkens by a higher power of the cosine shows hardly anything but the middle."""
 
@@ -136,8 +139,27 @@ def cosine_vignetting(camera: Camera, shape: tuple[int, int], power: float = 4.0
     CameraError, InputError
         As :meth:`Camera.grid <persfs_cl.Camera.grid>`.
     """
+    if camera.distortion is not None:
+        return _bent_vignetting(camera, shape, power)
     grid = camera.grid(shape)
     return np.asarray((1.0 + grid.x**2 + grid.y**2) ** (-0.5 * power))
+
+
+def _bent_vignetting(camera: Camera, shape: tuple[int, int], power: float) -> Array:
+    """The same where the rays of a lens take long to find: of a few of them, and cubic in between."""
+    from scipy.interpolate import RectBivariateSpline  # slow to import
+
+    down, across = (np.linspace(0.0, side - 1.0, min(side, _RAYS)) for side in shape)
+    pixels = np.stack(np.meshgrid(across, down), axis=-1)
+    places = camera.places(pixels.reshape(-1, 2), shape)
+    share = ((1.0 + (places**2).sum(axis=1)) ** (-0.5 * power)).reshape(down.size, across.size)
+    # Where the lens shows nothing, anything above 0 will do.
+    share = np.where(np.isnan(share), np.nanmin(share), share)
+    order = [min(3, along.size - 1) for along in (down, across)]
+    if min(order) < 1:
+        return np.broadcast_to(share, shape)
+    found = RectBivariateSpline(down, across, share, kx=order[0], ky=order[1])(np.arange(shape[0]), np.arange(shape[1]))
+    return np.asarray(np.clip(found, share.min(), 1.0))
 
 
 def _map(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Array:

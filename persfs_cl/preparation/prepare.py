@@ -25,9 +25,11 @@ from persfs_cl.preparation.correct import (
     divide_vignetting,
     subtract_ambient,
 )
+from persfs_cl.preparation.denoise import MOST_DENOISING, denoise
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 from persfs_cl.preparation.normalise import checked, clip_highlights, mean_filter
 from persfs_cl.preparation.prepared import PreparedPhoto
+from persfs_cl.preparation.specks import replace_specks
 from persfs_cl.wording import brief, keyword
 
 Highlights = Literal["keep", "mask", "fill"]
@@ -54,6 +56,9 @@ class Preparation:
         Darkening of the lens away from the middle: "none"; a power of the cosine between viewing ray and optical axis,
         such as "cos4", the law of simple lenses, or "cos2.5"; or linear light from an evenly lit white plate, of which
         only the shape counts: its largest value is where the lens lets everything through.
+    despeckle : bool
+        Whether small bright specks, such as hot pixels, are replaced by what surrounds them, see
+        :func:`persfs_cl.preparation.specks.replace_specks`.
     highlights : {"keep", "mask", "fill"}
         What becomes of saturated pixels and shiny spots, and two pixels around them: nothing, they are left out, or
         they are filled from their surroundings. What is left out makes holes in the mask, on whose edges
@@ -63,6 +68,9 @@ class Preparation:
         file can hold; no pixel of a file of floats then is.
     clip_highlights : float, optional
         Percentile above which brightness is cut; see :func:`persfs_cl.clip_highlights`.
+    denoise : float
+        From 0, nothing, to 5: noise is taken out without smoothing across edges, see
+        :func:`persfs_cl.preparation.denoise.denoise`; 0.8 is usual.
     mean_filter : int
         Side of the window in pixels; 1 is no filter.
     tone_exponent : float
@@ -84,9 +92,11 @@ class Preparation:
 
     ambient: float | ArrayLike = 0.0
     vignetting: str | ArrayLike = "none"
+    despeckle: bool = False
     highlights: Highlights = "keep"
     saturation: float | None = None
     clip_highlights: float | None = None
+    denoise: float = 0.0
     mean_filter: int = 1
     tone_exponent: float = 1.0
 
@@ -109,6 +119,10 @@ class Preparation:
             hint=", 1 for light that is linear already",
         )
         object.__setattr__(self, "tone_exponent", exponent)
+        strength = as_number(
+            "denoise", self.denoise, least=0.0, most=MOST_DENOISING, what="a strength", hint=", such as 0.8"
+        )
+        object.__setattr__(self, "denoise", strength)
         for name in ("ambient", "saturation"):
             value = getattr(self, name)
             if value is None or (name == "ambient" and not isinstance(value, str) and as_array(name, value).ndim):
@@ -147,6 +161,8 @@ def prepare_photo(
         highlights are.
     CameraError
         When the camera does not fit the photo.
+    UnavailableError
+        When noise is to be taken out, and scikit-image is not installed.
 
     Examples
     --------
@@ -189,7 +205,9 @@ def prepare_photo(
         level = _SATURATED * photo.white
     nowhere = np.zeros_like(inside)
     saturated = nowhere if level is None else inside & (photo.largest_sample >= level)
-    specular = masked = filled = clipped = nowhere
+    specks = specular = masked = filled = clipped = nowhere
+    if preparation.despeckle:
+        light, specks = replace_specks(light, mask=inside)
     if preparation.highlights != "keep":
         # In the colour of which the surface itself has least, the colour of the lamp stands out most.
         specular = find_specular(_raised(_decoded(photo, photo.smallest_sample), exponent, inside), mask=inside)
@@ -208,6 +226,8 @@ def prepare_photo(
     # Before smoothing, which would spread a highlight over its neighbours.
     if preparation.clip_highlights is not None:
         light, clipped = clip_highlights(light, mask=inside, percentile=preparation.clip_highlights)
+    if preparation.denoise:
+        light = denoise(light, preparation.denoise, mask=inside)
     if preparation.mean_filter != 1:
         if preparation.mean_filter > min(light.shape):
             size = f"{light.shape[1]} × {light.shape[0]} pixels"
@@ -222,15 +242,18 @@ def prepare_photo(
         "vignetting": preparation.vignetting if isinstance(preparation.vignetting, str) else "an array",
         "saturation": level,
         "saturated_pixels": None if level is None else int(np.count_nonzero(saturated)),
+        "despeckle": preparation.despeckle,
+        "speck_pixels": int(np.count_nonzero(specks)),
         "highlights": preparation.highlights,
         "specular_pixels": None if preparation.highlights == "keep" else int(np.count_nonzero(specular)),
         "masked_pixels": int(np.count_nonzero(masked)),
         "filled_pixels": int(np.count_nonzero(filled)),
         "clip_highlights": preparation.clip_highlights,
         "clipped_pixels": int(np.count_nonzero(clipped)),
+        "denoise": preparation.denoise,
         "mean_filter": preparation.mean_filter,
     }
-    return PreparedPhoto(light, unfiltered, inside, below, saturated, specular, masked, filled, clipped, report)
+    return PreparedPhoto(light, unfiltered, inside, below, saturated, specks, specular, masked, filled, clipped, report)
 
 
 def _decoded(photo: Photo, samples: NDArray[Any]) -> Array:

@@ -11,9 +11,10 @@ import numpy as np
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.checks import as_number, check_choice
 from persfs_cl.errors import InputError
+from persfs_cl.framing.frame import Frame
 from persfs_cl.preparation.normalise import brightest_diffuse, normalise_grey, normalise_linear
 
-Normalise = Literal["linear", "grey", "none"]
+Normalise = Literal["linear", "level", "grey", "none"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,8 @@ class PreparedPhoto:
         Pixels darker than the ambient light, which are 0.
     saturated : ndarray of bool, shape (H, W)
         Pixels that were too bright for the file.
+    specks : ndarray of bool, shape (H, W)
+        Small bright specks that were replaced.
     specular : ndarray of bool, shape (H, W)
         Shiny spots; none where highlights are kept, because they are not looked for.
     masked, filled : ndarray of bool, shape (H, W)
@@ -56,6 +59,7 @@ class PreparedPhoto:
     mask: Mask
     below_ambient: Mask
     saturated: Mask
+    specks: Mask
     specular: Mask
     masked: Mask
     filled: Mask
@@ -69,20 +73,28 @@ class PreparedPhoto:
         return f"<PreparedPhoto, {inside.size} of {width} x {height} pixels{light}>"
 
     def normalised(
-        self, how: Normalise = "linear", *, percentile: float | None = None, white: float | None = None
+        self,
+        how: Normalise = "linear",
+        *,
+        percentile: float | None = None,
+        white: float | None = None,
+        level: float | None = None,
     ) -> NormalisedPhoto:
         """E in [0, 1], for a parallel light.
 
         Parameters
         ----------
-        how : {"linear", "grey", "none"}
-            Divide by the brightest value, stretch by eq. (2), or take the light for E as it is.
+        how : {"linear", "level", "grey", "none"}
+            Divide by the brightest value, or so that the median is that of level ground, stretch by eq. (2), or take
+            the light for E as it is.
         percentile : float, optional
             In (0, 100]; the brightest value is this percentile of the pixels to solve, so that a few hot pixels do not
-            set it. Left out, it is 99.5 for "linear" and 100 for "grey".
+            set it. Left out, it is 99.5 for "linear", 50 for "level", and 100 for "grey".
         white : float, optional
             For "linear", instead of a percentile: the light of a white surface that faces the lamp, on the scale of
             the photo, as a calibration finds it.
+        level : float, optional
+            For "level": E of level ground, which faces the camera, below 1 where the light is oblique.
 
         Returns
         -------
@@ -106,12 +118,22 @@ class PreparedPhoto:
         """
         black, brightest, image = 0.0, 1.0, self.light
         check_choice("how", how, Normalise)
+        if (level is not None) != (how == "level") or (level is not None and not 0.0 < level < 1.0):
+            raise InputError.about(
+                "level",
+                level,
+                'goes with "level", where it is between 0 and 1: the light must be oblique. Else leave it out.',
+            )
         if white is not None and (how != "linear" or percentile is not None):
             raise InputError.about(
                 "white", white, 'goes with "linear", instead of a percentile: leave one of them out.'
             )
         if white is not None:
             brightest = as_number("white", white, above=0.0, what="a brightness")
+            image = normalise_linear(image, mask=self.mask, brightest=brightest)
+        elif level is not None:
+            percentile = 50.0 if percentile is None else percentile
+            brightest = brightest_diffuse(image, mask=self.mask, percentile=percentile) / level
             image = normalise_linear(image, mask=self.mask, brightest=brightest)
         elif how == "linear":
             percentile = 99.5 if percentile is None else percentile
@@ -132,6 +154,7 @@ class PreparedPhoto:
             "white_percentile": percentile,
             "black": black,
             "white": brightest,
+            **({} if level is None else {"level": level}),
             "white_pixels": int(np.count_nonzero(image[self.mask] >= 1.0)),
         }
         return NormalisedPhoto(image, unfiltered, report)
@@ -159,3 +182,25 @@ class NormalisedPhoto:
         height, width = self.image.shape
         scale = ", ".join(f"{name}={self.report[name]:.4g}" for name in ("black", "white"))
         return f"<NormalisedPhoto, {width} x {height} pixels, {self.report['normalise']}, {scale}>"
+
+
+def framed(prepared: PreparedPhoto, frame: Frame, told: Mask) -> PreparedPhoto:
+    """A photo made ready, with the pixels of another frame.
+
+    Parameters
+    ----------
+    prepared : PreparedPhoto
+    frame : Frame
+    told : ndarray of bool, shape (H, W)
+        Pixels whose light is known: those to solve, and those of walls.
+    """
+    flagged = ("below_ambient", "saturated", "specks", "specular", "filled", "clipped")
+    mask = frame.mostly(prepared.mask)
+    return PreparedPhoto(
+        light=frame.light(prepared.light, told)[0],
+        unfiltered=frame.light(prepared.unfiltered, told | prepared.masked)[0],
+        mask=mask,
+        masked=frame.mostly(prepared.mask | prepared.masked) & ~mask,
+        **{name: frame.anywhere(getattr(prepared, name)) for name in flagged},
+        report=prepared.report,
+    )

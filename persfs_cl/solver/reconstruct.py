@@ -16,6 +16,7 @@ from persfs_cl._cl.selection import select_device
 from persfs_cl.camera import Camera
 from persfs_cl.checks import unlike
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
+from persfs_cl.framing.maps import straighten
 from persfs_cl.guide.guide import Points
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
@@ -53,6 +54,8 @@ def reconstruct(
         on the scale of its gain, which may be any. A single row or column is a profile: across it the slope is that at
         which H is least.
     camera : Camera
+        Where its lens has a distortion, the image and all that goes with it are straightened first, as by
+        :func:`undistort`, and the solution has the pixels of `Solution.camera`, a pinhole camera.
     light : ParallelLight or FlashLight
         A frontal parallel light by default. Under a flash that fades with distance the image alone determines the
         depth, in the unit of the gain: no known values, no choice of `surface`. In the upwind scheme an off-axis lamp
@@ -284,8 +287,11 @@ def reconstruct_batch(
     for number, image in enumerate(given):
         began = time.perf_counter()
         with _naming(number, count), concerning(number):
-            own = {name: entries[number] for name, entries in lists.items()}
-            found[number] = check(image, **own, options=settings, whole=False)
+            own = {"image": image, **{name: entries[number] for name, entries in lists.items()}}
+            camera = own["camera"]
+            if isinstance(camera, Camera) and camera.distortion is not None:
+                own = straighten(**own)
+            found[number] = check(**own, options=settings, whole=False)
         seconds.append(time.perf_counter() - began + chosen / count)
 
     def ready(number: int) -> Problem:

@@ -33,7 +33,7 @@ class Saving:
     --------
     >>> from persfs_cl.surface.saving import Saving
     >>> Saving.of("report, depth, mesh.glb").files
-    ('depth.npy', 'depth.tiff', 'report.json', 'mesh.glb')
+    ('depth.npy', 'depth.tiff', 'camera.json', 'report.json', 'mesh.glb')
     """
 
     files: tuple[str, ...]
@@ -109,7 +109,7 @@ class Saving:
         --------
         >>> from persfs_cl.surface.saving import Saving
         >>> Saving.of("depth,pictures").without("pictures").files
-        ('depth.npy', 'depth.tiff')
+        ('depth.npy', 'depth.tiff', 'camera.json')
         """
         left_out = {file for item in items for file in GROUPS.get(item, (item,))}
         return replace(self, files=tuple(file for file in self.files if file not in left_out))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from persfs_cl.checks import warn
 from persfs_cl.errors import InputError
 from persfs_cl.surface.formats import FORMATS
-from persfs_cl.surface.formats.format import Format, Kind, Source
+from persfs_cl.surface.formats.format import Format, Kind, Source, Taken
 from persfs_cl.surface.jobs import Jobs
 from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.saving import Saving
@@ -28,6 +28,7 @@ def write_files(
     *,
     colour: NDArray[np.uint8] | None = None,
     report: Callable[[], Mapping[str, Any]] = dict,
+    taken: Taken | None = None,
     threads: int = 1,
 ) -> list[str]:
     """Write files of a surface, all but previews.
@@ -44,6 +45,8 @@ def write_files(
         As for :meth:`persfs_cl.Solution.save`.
     report : callable
         Returns further entries for the report, where there is one.
+    taken : Taken, optional
+        The photograph, where the surface comes from one.
     threads : int
         How many files are made at a time. With one, the memory for a mesh is taken when that for all else is free.
 
@@ -64,7 +67,13 @@ def write_files(
         return {**report(), **({"files": said} if said else {})}
 
     source = Source(
-        solution, derived, colour=colour, report=whole_report, mesh_faces=saving.mesh_faces, block=saving.block
+        solution,
+        derived,
+        colour=colour,
+        report=whole_report,
+        mesh_faces=saving.mesh_faces,
+        block=saving.block,
+        taken=taken,
     )
     makers = {
         one: partial(one.write, folder / one.file, source)

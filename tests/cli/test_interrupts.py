@@ -72,6 +72,7 @@ def test_a_signal_that_comes_twice_at_once_keeps_what_there_is(
     assert strict(tmp_path / "out" / "report.json")["status"] == "STOPPED"
     assert strict(tmp_path / "out" / "report.json")["iterations"] == 2
     assert names(tmp_path / "out") == {
+        "camera.json",
         "depth.npy",
         "depth.tiff",
         "mesh.ply",
@@ -100,7 +101,7 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
 
     monkeypatch.setattr("persfs_cl.surface.writing.draw_all", interrupted)
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
-    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz"}
+    kept = {"camera.json", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz"}
     assert outcome.status == 130
     assert {Path(line) for line in outcome.stdout.splitlines()} == {out / name for name in kept}
     assert names(out) == kept | ({"relief.png"} if existing else set())

@@ -45,7 +45,16 @@ def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path:
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite").status == 0
     assert (out / "mine").read_text() == "mine"
     assert np.load(out / "depth.npy").shape == (HEIGHT, WIDTH)
-    assert names(out) == {"mine", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz", "index.html"}
+    assert names(out) == {
+        "mine",
+        "camera.json",
+        "depth.npy",
+        "depth.tiff",
+        "mesh.ply",
+        "report.json",
+        "solution.npz",
+        "index.html",
+    }
 
 
 @pytest.mark.parametrize("existing", [False, True])
@@ -78,7 +87,15 @@ def test_what_a_killed_run_left_does_not_fill_the_folder(photo: Path, tmp_path: 
     left.mkdir(parents=True)
     (left / "depth.npy").write_text("half")
     assert run("reconstruct", photo, "-o", out, *FOCAL).status == 0
-    assert names(out) == {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz", "index.html"}
+    assert names(out) == {
+        "camera.json",
+        "depth.npy",
+        "depth.tiff",
+        "mesh.ply",
+        "report.json",
+        "solution.npz",
+        "index.html",
+    }
 
 
 def test_what_is_written_can_be_chosen(photo: Path, tmp_path: Path) -> None:

@@ -43,7 +43,8 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
     assert report["parameters"]["principal_point"] == [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
     rim = 2 * (HEIGHT + WIDTH) - 4
     assert report["known"] == {"pixels": rim, "assumed": "z = 1 on the edge of the image or mask"}
-    assert report["requested"] == {"focal_length": WIDTH, "fov": None, "principal_point": None, "device": None}
+    unsaid = dict.fromkeys(("fov", "principal_point", "distortion", "size", "device"))
+    assert report["requested"] == {**unsaid, "focal_length": WIDTH}
     assert report["camera"] == {
         "source": "focal_length",
         "horizontal_view": pytest.approx(np.degrees(2 * np.arctan(0.5))),
@@ -62,19 +63,25 @@ def test_reconstruct_writes_every_file(photo: Path, tmp_path: Path) -> None:
         "channel": "luminance",
         "encoding": "srgb",
         "bits": 16,
+        "size": [WIDTH, HEIGHT],
         "tone_exponent": 1,
         "ambient": 0,
         "below_ambient_pixels": 0,
         "vignetting": "none",
         "saturation": 0.98 * 65535,
         "saturated_pixels": np.count_nonzero(SCENE.image >= colour.decode_srgb(0.98)),
+        "despeckle": True,
+        "speck_pixels": 0,
         "highlights": "keep",
         "specular_pixels": None,
         "masked_pixels": 0,
         "filled_pixels": 0,
         "clip_highlights": None,
         "clipped_pixels": 0,
+        "denoise": 0,
         "mean_filter": 1,
+        "mask_erode": 0,
+        "mask_pixels": HEIGHT * WIDTH,
         "normalise": "linear",
         "white_percentile": 99.5,
         "black": 0,
@@ -109,8 +116,9 @@ def test_every_option_reaches_the_solver(photo: Path, tmp_path: Path) -> None:
     assert {name: parameters[name] for name in options} == options
     report = strict(tmp_path / "out" / "report.json")
     assert report["known"] == {"pixels": int(np.isfinite(SCENE.known_depth).sum()), "assumed": None}
-    requested = {"focal_length": [30, 31], "fov": None, "principal_point": [14, 11.5], "device": "0"}
-    assert report["requested"] == requested
+    unsaid = dict.fromkeys(("fov", "distortion", "size"))
+    requested = {"focal_length": [30, 31], "principal_point": [14, 11.5], "device": "0"}
+    assert report["requested"] == {**unsaid, **requested}
     assert "MAX_ITERATIONS after 7 iterations" in outcome.stderr
     depth = np.load(tmp_path / "out" / "depth.npy")
     given = np.isfinite(SCENE.known_depth)

@@ -20,6 +20,7 @@ CAMERAS = """# Camera list with one line of data per camera:
 1 SIMPLE_PINHOLE 640 480 500 320 240
 2 PINHOLE 800 600 700 710 401.5 300
 7 SIMPLE_RADIAL 640 480 500 320 240 0.1
+8 FOV 640 480 500 500 320 240 0.1
 """
 IMAGES = """# Image list with two lines of data per image:
 1 1 0 0 0 0 0 0 1 s/a b.jpg
@@ -28,6 +29,8 @@ IMAGES = """# Image list with two lines of data per image:
 
 3 1 0 0 0 0 0 0 7 d.jpg
 1 2 3
+4 1 0 0 0 0 0 0 8 e.jpg
+
 """
 
 
@@ -92,9 +95,10 @@ def test_cameras_of_colmap(tmp_path: Path) -> None:
         assert table.rows == {
             "s/a b.jpg": CameraChoice(500.0, None, (319.5, 239.5), (480, 640)),
             "c.jpg": CameraChoice((700.0, 710.0), None, (401.0, 299.5), (600, 800)),
+            "d.jpg": CameraChoice(500.0, None, (319.5, 239.5), (480, 640), distortion=(0.1, 0.0, 0.0, 0.0)),
         }
-        with pytest.raises(CameraError, match=r"^.*d\.jpg: .*line 5, has the camera model SIMPLE_RADIAL.*undistorter"):
-            table.choice(Input(tmp_path / "d.jpg", "d.jpg"))
+        with pytest.raises(CameraError, match=r"^.*e\.jpg: .*line 6, has the camera model FOV.*undistorter"):
+            table.choice(Input(tmp_path / "e.jpg", "e.jpg"))
     found = table.choice(Input(tmp_path / "images" / "c.jpg", "images/c.jpg"), roots=[tmp_path / "images"])
     assert found.of(tmp_path, (600, 800)) == (ps.Camera((700.0, 710.0), (401.0, 299.5)), "focal_length of cameras.txt")
     with pytest.raises(
@@ -109,10 +113,10 @@ def test_a_single_camera_of_colmap_is_that_of_all(tmp_path: Path) -> None:
     write(tmp_path / "cameras.txt", "1 SIMPLE_PINHOLE 640 480 500 320 240\n")
     assert read_cameras(tmp_path).choice(Input(tmp_path / "x.png", "x.png")).focal_length == 500
     write(tmp_path / "cameras.txt", CAMERAS)
-    with pytest.raises(InputError, match=r"cameras\.txt has 3 cameras: put COLMAP's images\.txt beside it"):
+    with pytest.raises(InputError, match=r"cameras\.txt has 4 cameras: put COLMAP's images\.txt beside it"):
         read_cameras(tmp_path)
-    write(tmp_path / "cameras.txt", "1 OPENCV 640 480 500 500 320 240 0 0 0 0\n")
-    with pytest.raises(CameraError, match=r"line 1, has the camera model OPENCV.*image_undistorter"):
+    write(tmp_path / "cameras.txt", "1 FOV 640 480 500 500 320 240 0\n")
+    with pytest.raises(CameraError, match=r"line 1, has the camera model FOV.*image_undistorter"):
         read_cameras(tmp_path)
     (tmp_path / "cameras.txt").rename(tmp_path / "cameras.bin")
     with pytest.raises(InputError, match=r"does not exist, but cameras\.bin: .*colmap model_converter"):
@@ -120,8 +124,34 @@ def test_a_single_camera_of_colmap_is_that_of_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("rows", "lens"),
+    [
+        ({"k1": -0.1}, (-0.1, 0.0, 0.0, 0.0)),
+        ({"k1": -0.1, "k3": 0.2}, (-0.1, 0.0, 0.0, 0.0, 0.2)),
+        ({"p2": 0.01, "k5": 0.2}, (0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.2, 0.0)),
+        ({"fisheye": True, "k1": 0.1, "k3": 0.2}, ps.Fisheye(0.1, 0.0, 0.2)),
+        ({"distortion": [0.1, 0.2, 0, 0]}, (0.1, 0.2, 0.0, 0.0)),
+        ({"fisheye": 1, "distortion": [0.1, 0.2, 0, 0]}, ps.Fisheye(0.1, 0.2)),
+    ],
+)
+def test_lenses_of_a_table(tmp_path: Path, rows: dict[str, object], lens: object) -> None:
+    assert choice(tmp_path, [{"path": "a.png", "focal_length": 500.0, **rows}]).distortion == lens
+
+
+def test_lenses_of_a_table_in_csv(tmp_path: Path) -> None:
+    table = write(tmp_path / "c.csv", "path,focal_length,k1,k2,fisheye\na,500,-0.1,0.02,\nb,400,0.1,,1\n")
+    rows = read_cameras(table).rows
+    assert rows["a"].distortion == (-0.1, 0.02, 0.0, 0.0)
+    assert rows["b"].distortion == ps.Fisheye(0.1)
+
+
+@pytest.mark.parametrize(
     ("file", "text", "said"),
     [
+        ("c.json", '{"a": {"fov": 50, "k1": 0.1}}', r"'a': fov=50\.0 tells the focal length only of a lens without"),
+        ("c.csv", "path,focal_length,fisheye,p1\na,500,1,0.1\n", r"'a': a fisheye has k1, k2, k3 and k4"),
+        ("c.json", '{"a": {"focal_length": 5, "k1": 0.1, "distortion": [1]}}', r"'a': it has a distortion and k1"),
+        ("c.json", '{"a": {"focal_length": 5, "distortion": [1]}}', r"'a': distortion=.* is impossible"),
         ("c.csv", "image,fov\na,50\n", r"c\.csv has no column 'path', but \['image', 'fov'\]"),
         ("c.csv", "path,fov,focus\na,50,1\n", r"c\.csv has the columns .*leave out those that are not"),
         ("c.csv", "path,fov\na,50\nb,wide\n", r"c\.csv, line 3, has 'wide' for fov: give a number"),

@@ -115,5 +115,5 @@ def test_colours_of_the_photograph_go_to_a_mesh_that_was_simplified(solved: Phot
     mesh = trimesh.load_mesh(tmp_path / "out" / "mesh.ply", process=False)
     assert 50 <= len(mesh.faces) <= 100
     colours: NDArray[np.uint8] = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
-    own = {tuple(colour) for colour in solved.photo.colour.reshape(-1, 3)}
+    own = {tuple(colour) for colour in solved.colour.reshape(-1, 3)}
     assert {tuple(colour) for colour in colours} <= own

@@ -66,12 +66,15 @@ def test_by_default_nothing_is_done(floats: MapToPhoto) -> None:
         "vignetting": "none",
         "saturation": None,
         "saturated_pixels": None,
+        "despeckle": False,
+        "speck_pixels": 0,
         "highlights": "keep",
         "specular_pixels": None,
         "masked_pixels": 0,
         "filled_pixels": 0,
         "clip_highlights": None,
         "clipped_pixels": 0,
+        "denoise": 0.0,
         "mean_filter": 1,
     }
 
@@ -341,10 +344,36 @@ def test_ambient_light_of_the_largest_colour_is_refused(bytes_: MapToPhoto) -> N
 def test_impossible_normalisations_are_refused(floats: MapToPhoto) -> None:
     prepared = prepare_photo(floats(SURFACE), CAMERA)
     wrong: Any = "stretch"
-    with pytest.raises(InputError, match=r"how='stretch' is unknown: choose .linear., .grey. or .none."):
+    with pytest.raises(InputError, match=r"how='stretch' is unknown: choose .linear., .level., .grey. or .none."):
         prepared.normalised(wrong)
     with pytest.raises(InputError, match="has no meaning"):
         prepared.normalised("none", percentile=99)
     for how in ("linear", "grey"):
         with pytest.raises(InputError, match="percentile=0"):
             prepared.normalised(how, percentile=0)
+
+
+def test_the_median_of_level_ground(floats: MapToPhoto) -> None:
+    level = 1.0 / np.hypot(1.0, 1.0)
+    photo = floats(np.array([[0.1, 0.2, 0.25], [0.2, 0.2, 0.9]]))
+    normalised = prepare_photo(photo, CAMERA).normalised("level", level=level)
+    assert float(np.median(normalised.image)) == pytest.approx(level)
+    assert normalised.report["level"] == level
+    assert normalised.report["white_pixels"] == 1
+    for wrong in (None, 1.0, 0.0):
+        with pytest.raises(InputError, match="the light must be oblique"):
+            prepare_photo(photo, CAMERA).normalised("level", level=wrong)
+    with pytest.raises(InputError, match='goes with "level"'):
+        prepare_photo(photo, CAMERA).normalised(level=0.5)
+
+
+def test_specks_and_noise_are_told(floats: MapToPhoto) -> None:
+    surface = np.full((20, 20), 0.5)
+    surface[5, 5] = 2.0
+    prepared = prepare_photo(floats(surface), CAMERA, Preparation(despeckle=True))
+    assert prepared.report["speck_pixels"] == prepared.specks.sum() == 1
+    assert prepared.light[5, 5] == 0.5
+    assert prepared.unfiltered[5, 5] == 2.0
+    noisy = np.maximum(surface + 0.02 * np.random.default_rng(0).standard_normal(surface.shape), 0.0)
+    prepared = prepare_photo(floats(noisy), CAMERA, Preparation(despeckle=True, denoise=0.8))
+    assert np.abs(prepared.light - 0.5).mean() < 0.5 * np.abs(noisy - 0.5).mean()

@@ -18,7 +18,6 @@ from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl.arrays import Array
-from persfs_cl.io.colmap import read_colmap_cameras
 from persfs_cl.io.exr import read_exr
 from persfs_cl.pipeline.room import bytes_for
 from persfs_cl.surface.formats import FORMATS, GROUPS
@@ -175,8 +174,7 @@ def test_colmap_reads_the_depth_with_its_camera(solution: ps.Solution, tmp_path:
     # There, pixels are centred on halves.
     back = unprojected(depth, fx, fy, cx, cy, first=0.5)
     np.testing.assert_allclose(back[solution.solved], solution.points()[solution.solved], rtol=1e-6, atol=1e-7)
-    camera = read_colmap_cameras(tmp_path / "cameras.txt")[1]
-    assert (camera.focal_length, camera.principal_point) == ((30.0, 33.0), (11.0, 7.5))
+    assert ps.Camera.from_file(tmp_path / "cameras.txt") == ps.Camera((30.0, 33.0), (11.0, 7.5))
 
 
 def test_open3d_reads_the_depth_with_its_camera(solution: ps.Solution, tmp_path: Path) -> None:

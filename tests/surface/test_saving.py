@@ -18,12 +18,14 @@ def test_groups_and_files_become_names_in_one_order() -> None:
     assert Saving.of("report, Mesh.GLB,depth,depth.npy,").files == (
         "depth.npy",
         "depth.tiff",
+        "camera.json",
         "report.json",
         "mesh.glb",
     )
     assert Saving.of(["normals", "normals.npy"]) == Saving(("normals.npy", "normals.png"), DEFAULT_MESH_FACES)
     assert Saving.of("depth,pictures,page,report,mesh").without("pictures", "page", "depth.tiff").files == (
         "depth.npy",
+        "camera.json",
         "report.json",
         "mesh.ply",
     )

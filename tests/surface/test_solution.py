@@ -286,7 +286,16 @@ def test_a_picture_that_cannot_be_drawn_costs_nothing_else(
     with pytest.warns(UserWarning, match=rf"^{name}.png could not be drawn \(RuntimeError: no latex\)") as caught:
         written = solution.save(tmp_path / "out")
     assert [warning.filename for warning in caught] == [__file__]
-    kept = {"depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz", "rendered.png", "normals.png"}
+    kept = {
+        "camera.json",
+        "depth.npy",
+        "depth.tiff",
+        "mesh.ply",
+        "report.json",
+        "solution.npz",
+        "rendered.png",
+        "normals.png",
+    }
     kept -= {f"{name}.png"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == kept
     assert {path.name for path in written} == kept | {f"{drawing}.png" for drawing in drawings if drawing != name}

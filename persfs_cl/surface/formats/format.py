@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.surface import geometry
 from persfs_cl.surface.outcome import Outcome
@@ -23,6 +24,25 @@ if TYPE_CHECKING:
     import trimesh
 
 Kind = Literal["data", "picture", "mesh", "solid", "preview"]
+
+
+@dataclass(frozen=True)
+class Taken:
+    """The photograph that a surface comes from.
+
+    Attributes
+    ----------
+    camera : Camera
+        That took it, perhaps with a distortion.
+    shape : (int, int)
+        (height, width) of it.
+    outlined : bool
+        Whether it was found, or changed, which of its pixels are the surface.
+    """
+
+    camera: Camera
+    shape: tuple[int, int]
+    outlined: bool = False
 
 
 class Source:
@@ -41,6 +61,8 @@ class Source:
         A mesh of more triangles is simplified to so many.
     block : Block
         Size of what is printed.
+    taken : Taken, optional
+        The photograph, where the surface comes from one.
     """
 
     def __init__(
@@ -52,9 +74,10 @@ class Source:
         report: Callable[[], Mapping[str, Any]] = dict,
         mesh_faces: int | None = None,
         block: Block = Block(),
+        taken: Taken | None = None,
     ) -> None:
         self.solution, self.derived, self.report = solution, derived, report
-        self.mesh_faces, self.block = mesh_faces, block
+        self.mesh_faces, self.block, self.taken = mesh_faces, block, taken
         self._colour = colour
 
     @property

@@ -6,11 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from persfs_cl.io.export import display_levels, write_png
+from persfs_cl.masks import rim
 from persfs_cl.surface import plots
 from persfs_cl.surface.formats.format import Format, Source
 from persfs_cl.surface.solved import SolvedSurface
 
 _MEMORY = 500
+_OUTLINE = (255, 96, 0)
+"""Its colour."""
 
 SHADED, PHOTO, RELIEF = "preview.jpg", "photo.jpg", "relief.js"
 PREVIEW = (SHADED, PHOTO, RELIEF)
@@ -75,6 +78,14 @@ def _guide(target: Path, source: Source) -> None:
         plots.guide_picture(target, guide.departure, source.solution.at_bound)
 
 
+def _outline(target: Path, source: Source) -> None:
+    """The photograph, dark where it is not the surface, and the outline of this."""
+    shown, solved = source.rgb.copy(), source.solution.solved
+    shown[~solved] = shown[~solved] // 4
+    shown[rim(solved)] = _OUTLINE
+    write_png(target, shown)
+
+
 def _picture(
     name: str,
     write: Callable[[Path, Source], None],
@@ -93,6 +104,7 @@ PICTURES = (
     _picture("comparison", _comparison),
     _picture("confidence", _confidence),
     _picture("convergence", _convergence),
+    _picture("outline", _outline, applies=lambda source: source.taken is not None and source.taken.outlined),
     _picture("guide", _guide, applies=lambda source: source.solution.guide is not None),
 )
 PREVIEWS = (

@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
+from persfs_cl.camera import calibration_of
 from persfs_cl.io.export import write_arrays, write_json
 from persfs_cl.shading.stated import stated
 from persfs_cl.surface.formats.format import Format, Source
 from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.solved import Derived
 
-ARRAYS, REPORT = "solution.npz", "report.json"
+ARRAYS, REPORT, CAMERA = "solution.npz", "report.json", "camera.json"
 
 MASKS = ("unreached", "clamped", "at_bound")
 """Those of a surface that its depth does not tell."""
@@ -115,7 +116,15 @@ def _write_report(target: Path, source: Source) -> None:
     write_json(target, report_of(source.solution, source.derived), source.report())
 
 
+def _write_camera(target: Path, source: Source) -> None:
+    taken = source.taken
+    own = calibration_of(source.solution.camera, source.shape)
+    photo = {} if taken is None else {"photo": calibration_of(taken.camera, taken.shape)}
+    write_json(target, {**own, "axes": "x to the right, y down, z forward; pixels are centred on integers"}, photo)
+
+
 RECORDS = (
+    Format(CAMERA, _write_camera, ("depth",)),
     Format(ARRAYS, lambda target, source: write_arrays(target, _arrays(source.solution)), ("solution",)),
     Format(REPORT, _write_report, ("report", "solution"), alone=True),
 )

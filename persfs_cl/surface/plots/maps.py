@@ -20,7 +20,7 @@ from persfs_cl.surface.plots.canvas import UNIT, load_matplotlib, new_figure, re
 from persfs_cl.surface.plots.panels import Panels
 
 # Okabe and Ito's, which colour-blind people tell apart too, the darkest and the lightest first and last.
-_REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#F0E442")
+_REASONS = ("#000000", "#D55E00", "#56B4E9", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#882255", "#F0E442")
 _NOTHING_DOUBTFUL = "0.65"
 _NO_SURFACE = np.uint8(255)
 """The class of pixels that are none of the surface."""

@@ -1,0 +1,1 @@
+"""One image's pixels made those of another: of a straightened lens, or fewer."""
