@@ -155,7 +155,7 @@ class Solution(Outcome):
         ...     one = solution.save(Path(folder) / "bump.ply")
         ...     some = solution.save(Path(folder) / "bump", save="depth,normals.npy", report={"photo": "bump.png"})
         >>> [file.name for file in (*one, *some)]
-        ['bump.ply', 'camera.json', 'depth.npy', 'depth.tiff', 'normals.npy']
+        ['bump.ply', 'depth.npy', 'depth.tiff', 'normals.npy', 'camera.json']
         """
         target = as_path(path)
         saving = Saving.of(save, mesh_faces, width=width, base=base)
