@@ -48,7 +48,7 @@ SAID = {
     "Discontinuities": ("30 x 20", "below"),
     "Confidence": ("30 x 20", "median slope error 0.", "10 unreliable"),
     "Photo": ("'coin.png'", "72 x 72", "8 bits", "srgb", "luminance"),
-    "Preparation": ("ambient=<array>", "vignetting=<array>", "highlights='keep'", "mean_filter=1"),
+    "Preparation": ("Preparation(ambient=<array>, vignetting=<array>)",),
     "PreparedPhoto": ("5184 of 72 x 72", "light 0"),
     "NormalisedPhoto": ("72 x 72", "linear", "black=0", "white=0."),
     "MeshView": ("600 of 30 x 20", "0 jumps"),

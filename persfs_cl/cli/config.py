@@ -25,9 +25,9 @@ from persfs_cl.cli.spelling import WrongOption, spelling
 _CONFIG, _DUMP = "config", "dump_config"
 _APART = (_CONFIG, _DUMP, "output")
 _ALTERNATIVES = (
-    frozenset({"focal_length", "fov", "camera_file", "cameras"}),
-    frozenset({"principal_point", "camera_file", "cameras"}),
-    frozenset({"distortion", "camera_file", "cameras"}),
+    frozenset({"focal_length", "fov", "camera", "cameras"}),
+    frozenset({"principal_point", "camera", "cameras"}),
+    frozenset({"distortion", "camera", "cameras"}),
     frozenset({"mask", "masks"}),
     frozenset({"guide", "guides"}),
     frozenset({"overwrite", "skip_existing", "retry_failed"}),

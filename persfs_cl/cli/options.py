@@ -265,7 +265,7 @@ def chosen_camera(
             rich_help_panel=_CAMERA,
         ),
     ] = None,
-    camera_file: Annotated[
+    camera: Annotated[
         Path | None,
         typer.Option(
             "--camera",
@@ -284,12 +284,12 @@ def chosen_camera(
     PersfsError
         When the file of a camera cannot be used.
     """
-    if camera_file is not None:
+    if camera is not None:
         if any(value is not None for value in (focal_length, fov, principal_point, distortion)):
             raise typer.BadParameter(
                 "give a file, or the camera by the other options, not both.", param_hint="'--camera'"
             )
-        return CameraChoice.of_file(camera_file)
+        return CameraChoice.of_file(camera)
     if focal_length is not None and fov is not None:
         raise typer.BadParameter("give one of the two, not both.", param_hint=_EITHER)
     length: float | tuple[float, float] | None = None

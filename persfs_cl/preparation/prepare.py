@@ -130,8 +130,12 @@ class Preparation:
             object.__setattr__(self, name, as_number(name, value, least=0.0, what="a brightness"))
 
     def __repr__(self) -> str:
-        values = ((field.name, getattr(self, field.name)) for field in fields(self))
-        said = (f"{name}={'<array>' if isinstance(value, np.ndarray) else brief(value)}" for name, value in values)
+        # Only what is done: the rest would fill lines.
+        said = (
+            f"{field.name}={'<array>' if isinstance(value, np.ndarray) else brief(value)}"
+            for field in fields(self)
+            if isinstance(value := getattr(self, field.name), np.ndarray) or value != field.default
+        )
         return f"Preparation({', '.join(said)})"
 
 

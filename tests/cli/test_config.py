@@ -116,7 +116,7 @@ REFUSED = {
     "unknown": ("zzz = 1", "zzz = 1: there is no such option. --dump-config lists all"),
     "a table": ("[lens]\nfov = 30", "lens = fov = 30: there is no such option."),
     "a list of tables": ("[[lens]]\nfov = 30", "there is no such option."),
-    "tables in a list": ("mask = [{a = 1}]", "give a text."),
+    "tables in a list": ("walls = [{a = 1}]", "give a text."),
     "endless digits": (f"max-iterations = {'9' * 5000}", "a.toml"),
     "negated": ("no-falloff = true", "no-falloff = true: there is no such option. Is it falloff?"),
     "an argument": ('photo = "a.png"', 'photo = "a.png": that is said on the command line alone. Take it out.'),
@@ -127,8 +127,8 @@ REFUSED = {
     "truth for a number": ("tolerance = true", "tolerance = true: give a number."),
     "fraction for a count": ("max-iterations = 2.5", "max-iterations = 2.5: give a whole number."),
     "number for a flag": ("overwrite = 1", "overwrite = 1: give true or false."),
-    "number for a path": ("mask = 3", "mask = 3: give a text."),
-    "list for a path": ('mask = ["a.png", "b.png"]', 'mask = ["a.png", "b.png"]: give a text.'),
+    "number for a path": ("walls = 3", "walls = 3: give a text."),
+    "list for a path": ('walls = ["a.png", "b.png"]', 'walls = ["a.png", "b.png"]: give a text.'),
     "date": ("focal-length = 2020-01-01", "focal-length = 2020-01-01: give a text or a number, or a list"),
     "nothing": ("focal-length = []", "focal-length = []: give a text or a number, or a list"),
     "no choice": ('channel = "violet"', 'channel = "violet": give one of "luminance", "red", "green"'),
@@ -203,7 +203,7 @@ def test_the_file_that_is_printed_is_a_template() -> None:
     lines = text.splitlines()
     assert "# Horizontal field of view, instead of the focal length." in lines[lines.index("fov = 30.0") - 1]
     assert "# Camera" in lines[: lines.index("fov = 30.0")]
-    assert {"#tolerance = 1e-05", '#scheme = "auto"', '#mask = "FILE"', "#overwrite = false"} <= {*lines}
+    assert {"#tolerance = 1e-05", '#scheme = "auto"', '#walls = "FILE"', "#overwrite = false"} <= {*lines}
     assert max(map(len, lines)) <= 120
 
     # Every option is there once, and is known by its name there.

@@ -52,7 +52,8 @@ def test_a_file_may_be_wanted_alone(solved: PhotoSolution, tmp_path: Path, file:
 
 def test_everything_has_the_same_files_and_more(solved: PhotoSolution, tmp_path: Path) -> None:
     few, everything = (write(solved, tmp_path / name, what) for name, what in (("few", BATCH), ("all", EVERYTHING)))
-    assert {path.name for path in few} < {path.name for path in everything} == {*EVERYTHING.files} - {"guide.png"}
+    of_others = {"guide.png", "outline.png"}
+    assert {path.name for path in few} < {path.name for path in everything} == {*EVERYTHING.files} - of_others
     for path in few:
         assert path.read_bytes() == (tmp_path / "all" / path.name).read_bytes()
 

@@ -326,7 +326,7 @@ def test_the_smallest_surfaces_can_be_saved(shape: tuple[int, int], count: int, 
     np.testing.assert_array_equal(np.isfinite(found.depth), found.solved)
     assert found.solved.sum() == count
     files = found.save(tmp_path)
-    assert len(files) == 12
+    assert len(files) == 13
     assert all(path.stat().st_size > 0 for path in files)
 
 
