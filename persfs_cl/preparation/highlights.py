@@ -68,8 +68,8 @@ def find_specular(
     rows, columns = _span(np.logical_or.reduce(inside, axis=1)), _span(np.logical_or.reduce(inside))
     within, light = inside[rows, columns], values[rows, columns].astype(np.float32)
     floor = np.where(within, light, np.float32(-1))
-    darkest = _extreme(np.where(within, light, np.float32(np.inf)), int(size), np.minimum, np.inf)
-    opened = _extreme(np.where(within, darkest, np.float32(-1)), int(size), np.maximum, -1.0)
+    darkest = extreme(np.where(within, light, np.float32(np.inf)), int(size), np.minimum, np.inf)
+    opened = extreme(np.where(within, darkest, np.float32(-1)), int(size), np.maximum, -1.0)
     surroundings = _reconstruction(np.minimum(opened, floor), floor)
     bright = _NOTEWORTHY * np.percentile(values[inside], 99.5)
     found = np.zeros_like(inside)
@@ -97,7 +97,7 @@ def dilate(pixels: ArrayLike, radius: int) -> Mask:
     """
     given = as_mask("pixels", pixels)
     width = 2 * as_whole_number("radius", radius) + 1
-    return np.asarray(_extreme(given, width, np.logical_or, False))
+    return np.asarray(extreme(given, width, np.logical_or, False))
 
 
 def fill_smoothly(image: ArrayLike, holes: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[Array, Mask]:
@@ -161,7 +161,7 @@ def _reconstruction(level: Light, image: Light) -> Light:
             return level
 
 
-def _extreme(values: NDArray[Any], size: int, choose: Callable[..., NDArray[Any]], nothing: float) -> NDArray[Any]:
+def extreme(values: NDArray[Any], size: int, choose: Callable[..., NDArray[Any]], nothing: float) -> NDArray[Any]:
     """The extreme over a square of odd side around each pixel, from spans that double."""
     found = np.pad(values, size // 2, constant_values=nothing)
     for _axis in range(2):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.checks import unlike
+from persfs_cl.preparation.highlights import extreme
 from persfs_cl.preparation.normalise import checked
 
 _WINDOW = 5
@@ -54,12 +55,14 @@ def replace_specks(image: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[
         When the image has negative values, or `image` or `mask` cannot be used.
     """
     values, inside = checked(image, mask)
-    if (lowest := float(values[inside].min())) < 0:
+    if (lowest := float(values.min(where=inside, initial=np.inf))) < 0:
         raise unlike("image", image, f"goes down to {lowest:g}: linear light cannot be negative. Clip it at 0.")
+    specks = np.zeros_like(inside)
     rows, columns = _standing_out(values, inside)
+    if not rows.size:
+        return values, specks
     medians, deviations = _surroundings(values, inside, rows, columns)
     found = values[rows, columns] > medians + np.maximum(_DEVIATIONS * deviations, _SHARE * medians)
-    specks = np.zeros_like(inside)
     specks[rows[found], columns[found]] = True
     specks = _small(specks)
     kept = specks[rows, columns]
@@ -69,25 +72,27 @@ def replace_specks(image: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[
 
 def _standing_out(values: Array, inside: Mask) -> tuple[Indices, Indices]:
     """Pixels that may belong to a speck: brighter than the opening of the image, which no square fits into."""
-    from scipy.ndimage import maximum_filter, minimum_filter  # slow to import
-
-    light = np.where(inside, values, np.inf).astype(np.float32)
-    least = _NOTEWORTHY * float(np.percentile(values[inside], 99.0))
     candidates = np.zeros_like(inside)
-    reach = 2 * (_WINDOW // 2)
-    height = values.shape[0]
+    height, reach = values.shape[0], 2 * (_WINDOW // 2)
+    brightest = []
 
     def work(rows: slice) -> None:
         begin, end = max(0, rows.start - reach), min(height, rows.stop + reach)
-        part, there = light[begin:end], inside[begin:end]
-        darkest = np.where(there, minimum_filter(part, _WINDOW, mode="nearest"), np.float32(-np.inf))
-        opened = maximum_filter(darkest, _WINDOW, mode="nearest")
+        there = inside[begin:end]
+        # Single precision finds the same pixels in half the time.
+        light = values[begin:end].astype(np.float32)
+        light[~there] = np.inf
+        darkest = extreme(light, _WINDOW, np.minimum, np.inf)
+        darkest[~there] = -np.inf
+        opened = extreme(darkest, _WINDOW, np.maximum, -np.inf)
         own = slice(rows.start - begin, rows.stop - begin)
-        candidates[rows] = there[own] & (part[own] > (1.0 + _SHARE) * opened[own]) & (part[own] > least)
+        candidates[rows] = there[own] & (light[own] > np.float32(1.0 + _SHARE) * opened[own])
+        brightest.append(float(opened[own].max()))
 
     in_row_blocks(work, values.shape)
     rows, columns = np.nonzero(candidates)
-    return rows, columns
+    bright = values[rows, columns] > _NOTEWORTHY * max(brightest)
+    return rows[bright], columns[bright]
 
 
 def _surroundings(values: Array, inside: Mask, rows: Indices, columns: Indices) -> tuple[Array, Array]:
