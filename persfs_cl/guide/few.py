@@ -15,6 +15,8 @@ _SIGMAS = 1.4826
 """From the median of absolute values to a standard deviation."""
 _SHARES = np.linspace(0.0, 0.95, 20)
 """Of the variance, that neighbours may have in common."""
+_DOUBT = 4.0
+"""Points that would have to say that the photograph is right, for it to be believed as much as all others together."""
 _LEAST = 1e-12
 """Variance, so that residuals that are all the same have a likelihood."""
 
@@ -34,7 +36,7 @@ def scatter_of(residuals: Array) -> float:
     return _SIGMAS * float(np.nanmedian(np.abs(residuals - np.nanmedian(residuals))))
 
 
-def kriged(residuals: Array, cells: Cells, noise: float) -> Array:
+def kriged(residuals: Array, cells: Cells, noise: float, *, doubted: bool = False) -> Array:
     """The expected residual at each pixel, 0 far from all points.
 
     Simple kriging: residuals are a random function of mean 0 whose correlation falls as exp(-d / L), and noise. The
@@ -49,6 +51,8 @@ def kriged(residuals: Array, cells: Cells, noise: float) -> Array:
         Points.
     noise : float
         That they have at least.
+    doubted : bool
+        Whether the noise is a guess, so that the fewer points there are the less is believed: n / (n + 4).
     """
     from scipy.spatial.distance import cdist  # slow to import
 
@@ -61,7 +65,9 @@ def kriged(residuals: Array, cells: Cells, noise: float) -> Array:
     rows, columns = (np.arange(size) for size in cells.of_pixel.shape)
     found = np.zeros(cells.of_pixel.shape)
     # A point at a time: pixels times points may not fit into memory.
-    for (row, column), weight in zip(places, together * np.linalg.solve(matrix, values), strict=True):
+    believed = values.size / (values.size + _DOUBT) if doubted else 1.0
+    weights = believed * together * np.linalg.solve(matrix, values)
+    for (row, column), weight in zip(places, weights, strict=True):
         found += weight * np.exp(np.hypot(rows[:, None] - row, columns - column) / -length)
     return found
 

@@ -123,6 +123,8 @@ class Fitted:
         Between neighbouring cells, in depths aside.
     held : bool
         Whether the photograph tells the depth.
+    told : bool
+        Whether somebody has said what the noise is.
     """
 
     cells: Cells
@@ -136,6 +138,7 @@ class Fitted:
     offset: float
     step: float
     held: bool
+    told: bool
 
     @classmethod
     def to_surface(
@@ -195,7 +198,9 @@ class Fitted:
             change = math.exp(shift[0] if guide.kind == "inverse" else -shift[0])
             factor, offset = factor * change, offset * change
         fitted = cells.saying(cells.values - shift)
-        return cls(fitted, farther, most, width, noise, distortion, drifts, factor, offset, step, held)
+        return cls(
+            fitted, farther, most, width, noise, distortion, drifts, factor, offset, step, held, tolerance is not None
+        )
 
     @classmethod
     def as_given(cls, guide: Guide, focal_length: float, tolerance: float | None) -> Fitted:
@@ -203,7 +208,18 @@ class Fitted:
         noise = noise_of(guide.cells.values, guide.cells) if tolerance is None else tolerance
         step = guide.cells.spacing / focal_length
         return cls(
-            guide.cells, 0.0, 0.0, noise, noise, 0.0, drifts=False, factor=1.0, offset=0.0, step=step, held=False
+            guide.cells,
+            0.0,
+            0.0,
+            noise,
+            noise,
+            0.0,
+            drifts=False,
+            factor=1.0,
+            offset=0.0,
+            step=step,
+            held=False,
+            told=tolerance is not None,
         )
 
     @property

@@ -147,7 +147,7 @@ class _Guided:
         self.used, self.tolerance = int(np.count_nonzero(known)), self.fitted.tolerance(number)
         start, distance = cells.nearest(residuals)
         if self.fitted.few:
-            smooth = kriged(residuals, cells, self.fitted.noise)
+            smooth = kriged(residuals, cells, self.fitted.noise, doubted=not self.fitted.told)
         else:
             if cells.count < _MANY:
                 start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)

@@ -37,6 +37,7 @@ def test_residuals_fade_away_from_the_points() -> None:
     # One point does not tell what it has in common with its neighbours: half, by all that is known.
     assert 0.03 < found[row, column] < 0.08
     assert found[row, column] == found.max()
+    np.testing.assert_allclose(kriged(np.array([0.1, np.nan]), cells, 0.001, doubted=True), found / 5, rtol=1e-12)
     assert abs(found[tuple(other)]) < 1e-3
     assert np.isfinite(found).all()
 
