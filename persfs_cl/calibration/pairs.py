@@ -18,6 +18,8 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, PixelGrid
 from persfs_cl.checks import FARTHEST, NEAREST, as_floats, as_mask, unlike
 from persfs_cl.errors import InputError
+from persfs_cl.framing.frame import Frame
+from persfs_cl.framing.straightened import Straightened
 from persfs_cl.guide.guide import Points
 from persfs_cl.io.photos import Photo
 from persfs_cl.maps import as_depth, as_image
@@ -52,6 +54,8 @@ class Pair:
         Column and row in the reduced image, and depth, of what is known.
     of_map : bool
         Whether the points are pixels of a dense map, of which neighbours err alike.
+    frame : Frame or None
+        From the pixels of the photograph to those that are reduced, where its lens bends lines.
     """
 
     photo: Photo
@@ -61,24 +65,31 @@ class Pair:
     dense: Array | None
     points: Array
     of_map: bool = False
+    frame: Frame | None = None
     _prepared: dict[float, tuple[Array, Mask]] = field(default_factory=dict)
 
     @property
+    def straight_shape(self) -> tuple[int, int]:
+        """(height, width) of the image that is reduced."""
+        return (self.mask.shape[0], self.mask.shape[1]) if self.frame is None else self.frame.shape
+
+    @property
     def factor(self) -> int:
-        """Pixels of the photograph along a side of one of the reduced image."""
-        return math.ceil(max(map(int, self.mask.shape)) / _LONGEST)
+        """Pixels along a side of one of the reduced image."""
+        return math.ceil(max(self.straight_shape) / _LONGEST)
 
     @property
     def shape(self) -> tuple[int, int]:
         """(height, width) of the reduced image."""
-        return _reduced_shape(self.mask.shape, self.factor)
+        return _reduced_shape(self.straight_shape, self.factor)
 
     @property
     def reduced_camera(self) -> Camera:
         """That of the reduced image."""
-        column, row = self.camera.centre((self.mask.shape[0], self.mask.shape[1]))
+        camera = self.camera if self.frame is None else self.frame.camera
+        column, row = camera.centre(self.straight_shape)
         return Camera(
-            (self.camera.fx / self.factor, self.camera.fy / self.factor),
+            (camera.fx / self.factor, camera.fy / self.factor),
             ((column + 0.5) / self.factor - 0.5, (row + 0.5) / self.factor - 0.5),
         )
 
@@ -94,8 +105,12 @@ class Pair:
                 del self._prepared[next(iter(self._prepared))]
             raised = replace(self.preparation, tone_exponent=exponent)
             prepared = prepare_photo(self.photo, self.camera, raised, mask=self.mask)
-            light = reduced(np.where(prepared.mask, prepared.light, np.nan), self.factor)
+            light, told = prepared.light, prepared.mask
             spoilt = prepared.saturated | prepared.below_ambient | prepared.filled | prepared.clipped
+            if self.frame is not None:
+                light, told = self.frame.light(light, told)
+                spoilt = self.frame.anywhere(spoilt)
+            light = reduced(np.where(told, light, np.nan), self.factor)
             clean = reduced(np.where(spoilt, np.nan, 0.0), self.factor, whole=True) == 0.0
             self._prepared[exponent] = light, np.isfinite(light) & (light > 0.0) & clean
         return self._prepared[exponent]
@@ -113,7 +128,9 @@ def pair_of(
     """
     photo = given if isinstance(given, Photo) else _as_photo(given)
     shape = (photo.image.shape[0], photo.image.shape[1])
-    camera.grid(shape)
+    frame = None if camera.distortion is None else Straightened(camera, shape)
+    if frame is None:
+        camera.grid(shape)
     inside = np.ones(shape, bool) if photo.mask is None else photo.mask
     inside = inside & np.isfinite(photo.image)
     if mask is not None:
@@ -124,7 +141,7 @@ def pair_of(
             f"{keyword('mask')}. Give a mask that is True on the surface.",
             argument="mask",
         )
-    pair = Pair(photo, camera, preparation, inside, None, np.empty((0, 3)))
+    pair = Pair(photo, camera, preparation, inside, None, np.empty((0, 3)), frame=frame)
     pair.dense, pair.points, pair.of_map = _truth(truth, pair, normals)
     if not len(pair.points):
         raise InputError(
@@ -209,7 +226,7 @@ def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Arra
         raise InputError.about(
             "normals", normals, "is for a dense truth: points have no slopes. Give normals='solution'."
         )
-    columns, rows, depths = values.T
+    depths = values[:, 2]
     if not np.isfinite(values).all() or depths.min(initial=1.0) < NEAREST or depths.max(initial=1.0) > FARTHEST:
         raise unlike(
             "truth",
@@ -219,9 +236,7 @@ def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Arra
     nearest = np.rint(values[:, 1::-1]).astype(np.int64)
     there = np.all((nearest >= 0) & (nearest < shape), axis=1)
     there[there] = pair.mask[tuple(nearest[there].T)]
-    factor = pair.factor
-    points = np.stack([(columns + 0.5) / factor - 0.5, (rows + 0.5) / factor - 0.5, depths], axis=1)
-    return None, points[there], False
+    return None, _placed(values[there], pair), False
 
 
 def _from_map(depth: Array, pair: Pair, normals: Normals) -> tuple[Array | None, Array, bool]:
@@ -234,12 +249,22 @@ def _from_map(depth: Array, pair: Pair, normals: Normals) -> tuple[Array | None,
             f"is for a dense truth: of the pixels with a known depth {share:.0%} have neighbours with one. Give "
             "normals='solution'.",
         )
-    factor = pair.factor
     if share < _DENSE:
         rows, columns = np.nonzero(known)
-        places = [(columns + 0.5) / factor - 0.5, (rows + 0.5) / factor - 0.5]
-        return None, np.stack([*places, depth[known]], axis=1), False
-    log_depth = reduced(np.where(known, np.log(np.where(known, depth, 1.0)), np.nan), factor, whole=True)
+        return None, _placed(np.stack([columns, rows, depth[known]], axis=1), pair), False
+    log_depth = np.log(np.where(known, depth, 1.0))
+    if pair.frame is not None:
+        log_depth, known = pair.frame.light(log_depth, known)
+    log_depth = reduced(np.where(known, log_depth, np.nan), pair.factor, whole=True)
     rows, columns = np.nonzero(np.isfinite(log_depth))
     points = np.stack([columns, rows, np.exp(log_depth[rows, columns])], axis=1)
     return (None if normals == "solution" else np.exp(log_depth)), points, True
+
+
+def _placed(points: Array, pair: Pair) -> Array:
+    """Column, row and depth of points of the photograph, in the reduced image, which all see."""
+    places = points[:, :2]
+    if pair.frame is not None:
+        places = pair.frame.placed(places)
+    seen = np.isfinite(places).all(axis=1)
+    return np.column_stack([(places[seen] + 0.5) / pair.factor - 0.5, points[seen, 2]])
