@@ -28,6 +28,7 @@ from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
 from persfs_cl.bench.guided import guided
 from persfs_cl.bench.masked import masked
+from persfs_cl.bench.outline import outline
 from persfs_cl.bench.painted import painted
 from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
@@ -219,6 +220,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "weno": weno,
     "terrain": terrain,
     "priors": priors,
+    "outline": outline,
     "painted": painted,
     "energy": energy,
     "folder": folder,

@@ -43,15 +43,19 @@ def painted(plan: Plan) -> Iterator[list[Record]]:
         scenes["bunny"] = partial(scanned, stanford_bunny(), size)
     except InputError as reason:
         yield [skip("painted", "bunny", ERROR, ERROR_UNIT, size, plan.precision, str(reason))]
+    for name, make in scenes.items():
+        scene = make()
+        for kind, paint in paints(size).items():
+            yield _painted(plan, f"{name}, {kind}", scene, paint)
+
+
+def paints(size: int) -> dict[str, Array]:
+    """Albedo of square images, by its name."""
     row, column = np.mgrid[:size, :size]
-    paints = {
+    return {
         "checker": np.where((column // _CELL + row // _CELL) % 2, _LIGHT, _DARK),
         "gradient": _DARK + (_LIGHT - _DARK) * column / (size - 1.0),
     }
-    for name, make in scenes.items():
-        scene = make()
-        for kind, paint in paints.items():
-            yield _painted(plan, f"{name}, {kind}", scene, paint)
 
 
 def _painted(plan: Plan, name: str, scene: Scene, paint: Array) -> list[Record]:
