@@ -14,7 +14,7 @@ CASE ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-thorough test-drivers fuzz lint bench paper clean
+.PHONY: help install demo test test-thorough test-drivers fuzz lint bench paper release clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
@@ -25,6 +25,7 @@ help:
 	@echo "make lint     check style, types and which module imports which"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
+	@echo "make release  build the files of a release, and try them with every Python that is here"
 	@echo "make install  only prepare $(VENV), which every command above does by itself"
 	@echo "make clean    delete $(VENV) and everything that these commands made"
 	@echo "PYTHON=/path/to/python3 picks another Python (now: $(PYTHON))"
@@ -68,6 +69,9 @@ $(YARDSTICKS): $(INSTALLED)
 
 paper: $(INSTALLED)
 	$(BIN)/persfs-cl paper
+
+release: $(INSTALLED)
+	bash .ci/release
 
 clean:
 	rm -rf $(VENV) .cache dist build demo-output bench-output paper-output .mypy_cache .ruff_cache .pytest_cache .hypothesis

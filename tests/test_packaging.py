@@ -6,6 +6,7 @@ import ast
 import email
 import os
 import pkgutil
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -98,7 +99,7 @@ def test_sdist_holds_what_a_packager_needs(built: Path) -> None:
     (path,) = built.glob("*.tar.gz")
     with tarfile.open(path) as archive:
         files = {name.partition("/")[2] for name in archive.getnames()}
-    needed = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile"}
+    needed = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "Makefile"}
     for folder in ("persfs_cl", "kernels", "tests", "docs"):
         needed |= source_files(folder)
     assert needed <= files
@@ -203,3 +204,18 @@ def test_what_types_are_checked_with_is_what_is_imported() -> None:
     assert sorted(names) == sorted(persfs_cl.__all__)
     modules = {module.name for module in pkgutil.iter_modules(persfs_cl.__path__)}
     assert not modules.intersection(names), "the import of a module would put it in the place of what is public"
+
+
+def test_what_cites_it_says_the_same_version(metadata: Message) -> None:
+    lines = (ROOT / "CITATION.cff").read_text(encoding="utf-8").splitlines()
+    assert f"version: {metadata['Version']}" in lines
+
+
+@pytest.mark.thorough
+def test_the_image_of_a_container_is_built(tmp_path: Path) -> None:
+    if shutil.which("docker") is None:
+        pytest.skip("docker is not installed")
+    if subprocess.run(["docker", "info"], capture_output=True, check=False).returncode:
+        pytest.skip("docker does not run here")
+    run("docker", "build", "--file", ROOT / ".ci" / "Dockerfile", "--tag", "persfs-cl-test", ROOT, cwd=tmp_path)
+    assert "persfs-cl" in run("docker", "run", "--rm", "persfs-cl-test", "--version", cwd=tmp_path)

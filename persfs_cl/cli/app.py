@@ -217,7 +217,6 @@ app = typer.Typer(
     help="Shape from one shaded photograph, on any OpenCL device.",
     epilog=_paragraphs(_EPILOG),
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -234,16 +233,26 @@ def _command(name: str) -> Any:
     return typer.main.get_command(alone)
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"persfs-cl {persfs_cl.__version__}")
-        raise typer.Exit
-
-
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _options(
-    version: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ctx: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose", help="With --version: packages, devices and settings too, for the report of a fault."
+        ),
     ] = False,
 ) -> None:
-    del version  # used by its callback
+    if verbose and not version:
+        raise typer.BadParameter("goes with --version: leave it out.", param_hint="'--verbose'")
+    if version and verbose:
+        from persfs_cl.cli.about import about  # noqa: PLC0415  # it looks for devices
+
+        typer.echo(about())
+        raise typer.Exit
+    if version:
+        typer.echo(f"persfs-cl {persfs_cl.__version__}")
+        raise typer.Exit
+    if ctx.invoked_subcommand is None:
+        raise typer.BadParameter("name a command; persfs-cl --help lists them.")

@@ -363,6 +363,7 @@ def _keyword(name: str, kind: Any, option: Option) -> Parameter:
 
     named: Any = kind
     metavar = None
+    choices = option.choices or tuple
     if str in get_args(kind):
         named = Optional[str]  # noqa: UP045  # whatever else it may be, it can be said by a text
     elif kind is str and option.choices:
@@ -374,6 +375,7 @@ def _keyword(name: str, kind: Any, option: Option) -> Parameter:
         metavar=metavar,
         help=option.help or None,
         callback=check,
+        autocompletion=None if option.choices is None else lambda: list(choices()),
         rich_help_panel=option.panel,
     )
     return Parameter(name, Parameter.KEYWORD_ONLY, default=option.default, annotation=Annotated[named, typed])

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pytest
 from command import run
 
 import persfs_cl as ps
@@ -15,6 +19,13 @@ from persfs_cl.cli.reconstruct import reconstruct
 
 def test_help_and_version() -> None:
     assert run("--version") == (0, f"persfs-cl {ps.__version__}\n", "")
+    said = run("--version", "--verbose")
+    assert (said.status, said.stderr) == (0, "")
+    assert said.stdout.startswith(f"persfs-cl {ps.__version__}, Python {platform.python_version()}")
+    assert f"numpy {np.__version__}" in said.stdout.splitlines()
+    assert any(line.startswith("rawpy ") and line.endswith(" [raw]") for line in said.stdout.splitlines())
+    assert f"device 0: {ps.devices()[0].name}; " in said.stdout
+    assert "'--verbose': goes with --version" in run("--verbose").stderr
     overview = run("--help")
     assert overview.status == 0
     for name in ("reconstruct", "render", "compare", "devices", "demo"):
@@ -50,3 +61,20 @@ def test_module_as_a_command(tmp_path: Path) -> None:
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
     assert "missing.png does not exist" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("persfs-cl recon", ["reconstruct"]),
+        ("persfs-cl reconstruct --hei", []),
+        ("persfs-cl reconstruct --despe", ["--despeckle"]),
+        ("persfs-cl reconstruct --highlights ", ["keep", "mask", "fill"]),
+        ("persfs-cl reconstruct --ordering w", ["wavefront"]),
+    ],
+)
+def test_completion(line: str, offered: list[str]) -> None:
+    settings = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1), "_PERSFS_CL_COMPLETE": "complete_bash"}
+    command = [sys.executable, "-c", "from persfs_cl.cli import main; main()"]
+    done = subprocess.run(command, env={**os.environ, **settings}, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == offered, done.stderr
