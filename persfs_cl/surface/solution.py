@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,15 @@ class Solution(Outcome):
         solved = np.count_nonzero(self.solved)
         depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if solved else ""
         return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
+
+    def _repr_png_(self) -> bytes | None:
+        """The surface seen obliquely, for notebooks; None where there is none, so that they show the line above."""
+        if not np.isfinite(self.depth).any():
+            return None
+        with TemporaryDirectory() as folder:
+            picture = Path(folder) / "relief.png"
+            write_file(picture, FORMATS[picture.name], Source(self, Derived(self)))
+            return picture.read_bytes()
 
     def report(self, unreliable: Unreliable | None = None) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON.

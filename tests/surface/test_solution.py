@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import errno
+import io
 import itertools
 import json
 import os
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl import blocks
@@ -353,3 +355,11 @@ def test_black_or_no_brightness_at_known_depths_spoils_no_report(black: float) -
     for solution in (found, alone):
         assert solution.white == (1.0 if solution is alone else 0.6)
     json.dumps(found.report(), allow_nan=False)
+
+
+def test_a_notebook_shows_the_surface(solution: ps.Solution) -> None:
+    shown = solution._repr_png_()
+    assert shown is not None
+    with Image.open(io.BytesIO(shown)) as picture:
+        assert min(picture.size) > 200
+    assert dataclasses.replace(solution, depth=np.full_like(solution.depth, np.nan))._repr_png_() is None
