@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.camera import Camera
 from persfs_cl.checks import as_array
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.maps import as_depth
 
 if TYPE_CHECKING:
