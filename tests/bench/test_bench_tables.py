@@ -12,10 +12,11 @@ from command import run
 
 import persfs_cl as ps
 from persfs_cl.bench import accuracy, alternatives, experiments
+from persfs_cl.bench.cells import two_digits
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
-from persfs_cl.bench.tables import contents, markers, two_digits
+from persfs_cl.bench.tables import contents, markers
 from persfs_cl.environment import environment
 from persfs_cl.page import ENVIRONMENT, filled, marked
 
