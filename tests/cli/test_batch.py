@@ -20,9 +20,9 @@ from videos import make_video
 import persfs_cl as ps
 from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.io.export import write_grey
-from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.listing import Listing
 from persfs_cl.pipeline.plan import Plan
+from persfs_cl.pipeline.run import Batch
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
 FLASH = ("--light", "flash", "--focal-length", "24")

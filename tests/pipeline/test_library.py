@@ -15,7 +15,7 @@ from processes import finished, running, wait_until
 
 import persfs_cl as ps
 from persfs_cl.io.photos import read_photo
-from persfs_cl.pipeline.batch import BatchResult
+from persfs_cl.pipeline.run import BatchResult
 
 LIGHT = ps.FlashLight()
 CAMERA = ps.Camera(FOCAL)
