@@ -38,7 +38,11 @@ def cells(records: list[Record], plan: Plan) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()[2:]]
 
 
-def test_estimates_stand_beside_the_truth(plan: Plan) -> None:
+def test_estimates_stand_beside_the_truth(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    # One of each light: under the others as many programs again are compiled.
+    left_out = ("bump, oblique, toward", "hill, flash")
+    for photograph in left_out:
+        monkeypatch.delitem(distance.PHOTOGRAPHS, photograph)
     if not plan.device.has_float64:
         pytest.skip(f"{plan.device} has no double precision.")
     records = records_of(plan)
@@ -46,7 +50,7 @@ def test_estimates_stand_beside_the_truth(plan: Plan) -> None:
     true = [record.median for record in records if record.quantity == distance.TRUE]
     assert all(value is not None and 0.0 < value < 1e-4 for value in true)
     rows = cells(records, plan)
-    assert [(row[0], row[1]) for row in rows] == NAMES
+    assert [(row[0], row[1]) for row in rows] == [name for name in NAMES if name[0] not in left_out]
     assert all(cell for row in rows for cell in row)
     assert all(math.isfinite(float(cell)) for row in rows for cell in row[3:])
 
