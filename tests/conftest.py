@@ -140,7 +140,7 @@ def listening(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.fixture
 def lexicographic_wavefront(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The default ordering is the one that compiles in half the time and gives the same bits, where it plays no part."""
+    """By default the order that is compiled in half the time, and gives the same bits: where it plays no part."""
     monkeypatch.setitem(ORDERINGS, "wavefront", Lexicographic.of)
 
 

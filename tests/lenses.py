@@ -31,7 +31,7 @@ def places(camera: Camera, shape: tuple[int, int]) -> tuple[Array, Array]:
 
 @functools.cache
 def flashed(camera: Camera, shape: tuple[int, int]) -> Array:
-    """Brightness of the surface by a flash of gain 1 at the camera, from its normal and its distance, to be read only."""
+    """Brightness of the surface by a flash of gain 1 at the camera, from normal and distance, to be read only."""
     x, y = places(camera, shape)
     z = depth(x, y)
     along_x = (depth(x + _STEP, y) - depth(x - _STEP, y)) / (2 * _STEP) / z

@@ -38,7 +38,9 @@ def values_of(one: Sweeper) -> list[NDArray[np.float64]]:
 
 # Of an ordering only the padding of its images matters.
 @pytest.mark.quick_where(
-    holds=lambda given: (given["ordering"], given["precision"]) in (("wavefront", "float32"), ("lexicographic", "float64"))
+    holds=lambda given: (
+        (given["ordering"], given["precision"]) in (("wavefront", "float32"), ("lexicographic", "float64"))
+    )
 )
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard", "lexicographic"])
 def test_products_and_mixtures_are_those_of_numpy(device: ps.Device, precision: str, ordering: str) -> None:
