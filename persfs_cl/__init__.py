@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from persfs_cl.io.photos import read_image, read_photo
     from persfs_cl.lens import Fisheye
     from persfs_cl.metrics import Errors, compare
-    from persfs_cl.pipeline.batch import BatchResult, batch
+    from persfs_cl.pipeline.batch import batch
+    from persfs_cl.pipeline.run import BatchResult
     from persfs_cl.preparation.normalise import clip_highlights, mean_filter, normalise_grey, normalise_linear
     from persfs_cl.preparation.prepare import Preparation, prepare_photo
     from persfs_cl.preparation.prepared import PreparedPhoto
@@ -75,7 +76,8 @@ else:
         "shading.parallel_light": ("ParallelLight",),
         "lens": ("Fisheye",),
         "metrics": ("Errors", "compare"),
-        "pipeline.batch": ("BatchResult", "batch"),
+        "pipeline.batch": ("batch",),
+        "pipeline.run": ("BatchResult",),
         "preparation.prepare": ("Preparation", "prepare_photo"),
         "preparation.prepared": ("PreparedPhoto",),
         "shading.lambertian": ("Lambertian",),

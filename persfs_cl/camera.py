@@ -1,20 +1,19 @@
-"""The camera, the distortion of its lens, and the normalised pixel grid of a pinhole camera."""
+"""The camera with the distortion of its lens: one value, most of whose lines say how to use it and where to get it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array
 from persfs_cl.checks import as_array, finite_numbers, warn
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.io.calibrations import Calibrated, read_calibration
-from persfs_cl.io.colmap import read_colmap_cameras, unknown_model
+from persfs_cl.grid import PixelGrid
+from persfs_cl.io.calibrations import Calibrated
+from persfs_cl.io.cameras import read_camera
 from persfs_cl.io.exif import exif_focal_length
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.lens import Distortion, Fisheye, as_distortion, distorted, undistorted
@@ -23,29 +22,6 @@ from persfs_cl.wording import brief, keyword
 _WIDEST_DEGREES = 85.0
 _WIDEST = math.tan(math.radians(_WIDEST_DEGREES))
 _LEAST_TANGENT = 1e-100
-
-
-@dataclass(frozen=True, eq=False)
-class PixelGrid:
-    """Normalised image coordinates of the pixel centres of one image.
-
-    Attributes
-    ----------
-    x : ndarray of float64, shape (width,)
-        (column - cx) / fx.
-    y : ndarray of float64, shape (height, 1)
-        (row - cy) / fy, a column so that it broadcasts against x.
-    dx, dy : float
-        Pixel spacing, 1/fx and 1/fy.
-    """
-
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    dx: float
-    dy: float
-
-    def __repr__(self) -> str:
-        return f"<PixelGrid, {self.x.size} x {self.y.size} pixels, dx={self.dx:.4g}, dy={self.dy:.4g}>"
 
 
 @dataclass(frozen=True)
@@ -440,24 +416,6 @@ class Camera:
         return cls((k[0, 0], k[1, 1]), (k[0, 2], k[1, 2]))
 
 
-def read_camera(path: Path) -> Calibrated:
-    """What the file of one camera says, see :meth:`Camera.from_file`.
-
-    Raises
-    ------
-    InputError, CameraError
-        When it cannot be read, or does not hold one camera.
-    """
-    if path.suffix.lower() != ".txt":
-        return read_calibration(path)
-    cameras = list(read_colmap_cameras(path).values())
-    if len(cameras) > 1:
-        raise InputError(f"{path} has {len(cameras)} cameras: leave the line of one, or give {keyword('cameras')}.")
-    if cameras[0].camera is None:
-        raise CameraError(unknown_model(path, cameras[0]))
-    return cameras[0].camera
-
-
 def camera_from(path: FilePath, calibrated: Calibrated) -> Camera:
     """The camera that a file describes.
 
@@ -474,19 +432,6 @@ def camera_from(path: FilePath, calibrated: Calibrated) -> Camera:
         return Camera(calibrated.focal_length, calibrated.principal_point, distortion)
     except CameraError as error:
         raise error.at(str(path)) from error
-
-
-def calibration_of(camera: Camera, shape: tuple[int, int]) -> dict[str, Any]:
-    """What a file says of the camera of an image of shape (height, width), as :meth:`Camera.from_file` reads it."""
-    column, row = camera.centre(shape)
-    lens = camera.distortion
-    return {
-        "image_width": shape[1],
-        "image_height": shape[0],
-        "camera_matrix": [[camera.fx, 0.0, column], [0.0, camera.fy, row], [0.0, 0.0, 1.0]],
-        "distortion_model": "none" if lens is None else "fisheye" if isinstance(lens, Fisheye) else "opencv",
-        "distortion_coefficients": [] if lens is None else list(astuple(lens) if isinstance(lens, Fisheye) else lens),
-    }
 
 
 def require_camera(given: object) -> None:

@@ -13,13 +13,13 @@ from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl._cl.selection import select_device
-from persfs_cl.pipeline.batch import Again, Batch, BatchResult
-from persfs_cl.pipeline.claim import Shard
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import FOLDER, Record, now
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import Plan, input_hash, stamps
+from persfs_cl.pipeline.run import Again, Batch, BatchResult
+from persfs_cl.pipeline.shards import Shard
 from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import RECORD, Store
 from persfs_cl.pipeline.workers import Setting

@@ -22,10 +22,12 @@ from typing import Any
 import hypothesis
 import pyopencl as cl
 import pytest
+from batches import Here
 
 from persfs_cl import Device, devices, told
 from persfs_cl._cl.orderings import ORDERINGS
 from persfs_cl._cl.orderings.choices import wavefront
+from persfs_cl._cl.orderings.lexicographic import Lexicographic
 from persfs_cl._cl.orderings.ordering import Ordering, Setup
 from persfs_cl._cl.orderings.strips import Strips
 from persfs_cl._cl.selection import select_device
@@ -134,3 +136,15 @@ def listening(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     with warnings.catch_warnings():
         told.listen()
         yield
+
+
+@pytest.fixture
+def lexicographic_wavefront(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By default the order that is compiled in half the time, and gives the same bits: where it plays no part."""
+    monkeypatch.setitem(ORDERINGS, "wavefront", Lexicographic.of)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch, listening: None) -> None:  # noqa: ARG001
+    """A batch uses the device here: a process of its own takes seconds to start, and is not what the test is about."""
+    monkeypatch.setattr("persfs_cl.pipeline.workforce.Crew", Here)

@@ -17,7 +17,6 @@ from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.blocks import usable_cores
 from persfs_cl.colour import encode_srgb
-from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.job import Job, finished, pose, prepare, read_job
 from persfs_cl.pipeline.listing import list_inputs
@@ -25,6 +24,7 @@ from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS
 from persfs_cl.pipeline.plan import Plan as BatchPlan
 from persfs_cl.pipeline.results import write
+from persfs_cl.pipeline.run import Batch
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import crew_settings
 from persfs_cl.scenes.framed import bumps

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST, as_floats, as_mask, unlike
 from persfs_cl.errors import InputError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.straightened import Straightened
+from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.guide import Points
 from persfs_cl.io.photos import Photo
 from persfs_cl.maps import as_depth, as_image

@@ -48,15 +48,15 @@ from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
-from persfs_cl.pipeline.batch import Again, Batch, BatchResult, as_shard
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cameras import read_cameras
-from persfs_cl.pipeline.claim import Shard
 from persfs_cl.pipeline.headers import look
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
+from persfs_cl.pipeline.run import Again, Batch, BatchResult
+from persfs_cl.pipeline.shards import Shard, as_shard
 from persfs_cl.pipeline.store import FolderStore, store_for
 from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.shading.model import Light

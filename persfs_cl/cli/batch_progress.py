@@ -17,7 +17,7 @@ from rich.text import Text
 
 from persfs_cl.cli.alike import Alike
 from persfs_cl.cli.spelling import in_a_line
-from persfs_cl.pipeline.batch import Batch, BatchResult
+from persfs_cl.pipeline.run import Batch, BatchResult
 from persfs_cl.wording import Spelling
 
 _EVERY = 0.1

@@ -35,10 +35,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array
-from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.camera import Camera
 from persfs_cl.checks import check_choice, finite_number
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.paper import fast_marching
 from persfs_cl.shading.lights import require_light
 from persfs_cl.shading.parallel_light import ParallelLight

@@ -14,6 +14,7 @@ from pathlib import Path
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import not_written
 from persfs_cl.pipeline.manifest import FOLDER
+from persfs_cl.pipeline.shards import Shard
 
 try:
     import fcntl
@@ -22,9 +23,6 @@ except ImportError:  # Windows
 
 _PATIENCE = 5.0
 """Seconds: a run that was killed may have processes that are ending."""
-
-Shard = tuple[int, int]
-"""Number, from 1, and how many there are."""
 
 
 @contextmanager

@@ -7,9 +7,10 @@ from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from persfs_cl.camera import Camera, camera_from, read_camera
+from persfs_cl.camera import Camera, camera_from
 from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
+from persfs_cl.io.cameras import read_camera
 from persfs_cl.io.exif import exif_focal_length
 from persfs_cl.lens import Distortion, Fisheye
 from persfs_cl.wording import keyword

@@ -10,10 +10,11 @@ from numbers import Integral
 import numpy as np
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.camera import Camera
 from persfs_cl.checks import as_number, as_whole_number, check_finite
 from persfs_cl.choices import Surface
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.lights import require_light

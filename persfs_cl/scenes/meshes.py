@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from persfs_cl.arrays import Array
-from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import check_choice, check_finite, check_positive
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.io.files import FilePath, read_bytes
 from persfs_cl.scenes.exposure import Exposure, square_camera
 from persfs_cl.scenes.scene import Scene

@@ -1,11 +1,11 @@
-"""The cases on a device, and what the reference says of them."""
+"""The cases on a device, compared with what the reference says of them."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,20 +22,25 @@ from persfs_cl.bench.workloads import sweeper as sweeper_that_never_rests
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.selftest.cases import FIRST, Case
 from persfs_cl.selftest.energy import PAINTED, PLAIN, derivative, descent_of, multiplied, rough
-from persfs_cl.selftest.scenes import LARGE, SMALL, noise, smooth
+from persfs_cl.selftest.outcome import Outcome
+from persfs_cl.selftest.references import (
+    ENDS,
+    TOLERANCES,
+    ReferenceValues,
+    apart,
+    distance_from_settled,
+    limit_is_near,
+    problem_of,
+)
+from persfs_cl.selftest.scenes import LARGE, SMALL, smooth
 from persfs_cl.selftest.smoothing import noisy_plates, smoothed_from_blocks
 from persfs_cl.solver.problem import Problem
-from persfs_cl.solver.reference import Reference
 from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.render import render
 
 _Result = TypeVar("_Result")
 
-TOLERANCES = {"float32": 1e-4, "float64": 1e-10}
-"""Of values from those of the reference, as a share of them or of 1: rounding, with room for every device's."""
-_ENDS = {"float32": 1e-7, "float64": 1e-13}
-"""Changes at which the iteration has reached its limit."""
 _STEPS, _LARGE_STEPS = 4, 2
 """Iterations after which values are compared: by then all kinds of updates have been done."""
 _ITERATIONS_AT_A_TIME, _MOST_ITERATIONS = 50, 2000
@@ -56,49 +61,6 @@ _LEAST_SECONDS = 0.1
 
 
 @dataclass
-class Outcome:
-    """What came of a case.
-
-    Attributes
-    ----------
-    ok : bool
-    difference, tolerance : float or None
-        The largest difference from the reference, and how large it may be.
-    compile_seconds : float
-        Until the kernels had run for the first time, less what another such run takes.
-    kernel, reason : str
-        Which kernel swept, in words, and why that one.
-    rate : float or None
-    unit : str
-        Of a measurement: Mc/s, million cell updates a second, or GB/s, read and written.
-    message : str
-        What is wrong, or what was not compared.
-    """
-
-    ok: bool = True
-    difference: float | None = None
-    tolerance: float | None = None
-    compile_seconds: float = 0.0
-    kernel: str = ""
-    reason: str = ""
-    rate: float | None = None
-    unit: str = ""
-    message: str = ""
-
-    def compare(self, what: str, difference: float, tolerance: float) -> None:
-        """Note a difference; written so that NaN is none that may be."""
-        if self.difference is None or not difference <= self.difference:
-            self.difference, self.tolerance = difference, tolerance
-        if not difference <= tolerance:
-            self.fail(f"{what} differ by {difference:.2g}, and may by {tolerance:.0e}")
-
-    def fail(self, message: str) -> None:
-        """Note that something is wrong."""
-        self.ok = False
-        self.message = f"{self.message}; {message}" if self.message else message
-
-
-@dataclass
 class Checks:
     """The cases of one device, with what several of them need.
 
@@ -111,7 +73,8 @@ class Checks:
 
     device: Device
     compiled: Callable[[], None] = lambda: None
-    _references: dict[object, Any] = field(default_factory=dict)
+    _reference: ReferenceValues = field(default_factory=ReferenceValues)
+    _limits: dict[object, NDArray[np.float64]] = field(default_factory=dict)
     _serial: dict[object, tuple[NDArray[np.float64], NDArray[np.floating]]] = field(default_factory=dict)
 
     def run(self, case: Case) -> Outcome:
@@ -132,37 +95,37 @@ class Checks:
 
     def _sweeps(self, case: Case, outcome: Outcome) -> None:
         """Some iterations and, where that can be had in good time, the limit."""
-        problem = _problem(case, SMALL)
+        problem = problem_of(case, SMALL)
         tolerance = TOLERANCES[case.precision]
         sweeper = self._sweeper(case, problem, outcome)
         changes = [self._first_runs(sweeper, outcome), sweeper.run(_STEPS - 2)]
         same_iterates = SCHEMES[case.scheme].same_iterates
         if same_iterates:
             values = sweeper.log_depth()[0]
-            expected = self._iterated(case, _STEPS, coloured=sweeper.ordering.coloured)
-            outcome.compare(f"values after {_STEPS} iterations", _apart(values, expected), tolerance)
-        if not same_iterates or _limit_is_near(case):
+            expected = self._reference.iterated(case, _STEPS, coloured=sweeper.ordering.coloured)
+            outcome.compare(f"values after {_STEPS} iterations", apart(values, expected), tolerance)
+        if not same_iterates or limit_is_near(case):
             changes += self._to_the_limit(sweeper, case)
             values = sweeper.log_depth()[0]
             if same_iterates:
-                outcome.compare("values in the limit", _apart(values, self._limit(case)), tolerance)
+                outcome.compare("values in the limit", apart(values, self._reference.limit(case)), tolerance)
             else:
                 self._compare_upwind_limit(case, outcome, problem, values)
         self._compare_bits(case, outcome, np.concatenate(changes), sweeper)
 
     def _shared_image(self, case: Case, outcome: Outcome) -> None:
         """An image that several work-groups share."""
-        problem = _problem(case, LARGE)
+        problem = problem_of(case, LARGE)
         sweeper = self._sweeper(case, problem, outcome)
         changes = self._first_runs(sweeper, outcome)
         values = sweeper.log_depth()[0]
         if sweeper.ordering.coloured:
             # The reference takes its time for the others, of which the one has the bits of the other.
-            expected = self._iterated(case, _LARGE_STEPS, coloured=True)
+            expected = self._reference.iterated(case, _LARGE_STEPS, coloured=True)
             # Rounded as the start values are, which in a large image are in the thousands.
             rounding = 4.0 * float(np.finfo(case.precision).eps) * float(problem.start.max())
             tolerance = max(TOLERANCES[case.precision], rounding)
-            outcome.compare(f"values after {_LARGE_STEPS} iterations", _apart(values, expected), tolerance)
+            outcome.compare(f"values after {_LARGE_STEPS} iterations", apart(values, expected), tolerance)
         self._compare_bits(case, outcome, changes, sweeper)
 
     def _second_order(self, case: Case, outcome: Outcome) -> None:
@@ -202,7 +165,7 @@ class Checks:
         outcome.compile_seconds = max(0.0, seconds - again)
         if (np.isnan(image) != np.isnan(expected)).any():
             outcome.fail("pixels are rendered that show no surface, or are not that do")
-        outcome.compare("brightnesses", _apart(image, expected), TOLERANCES[case.precision])
+        outcome.compare("brightnesses", apart(image, expected), TOLERANCES[case.precision])
 
     def _smoothing(self, case: Case, outcome: Outcome) -> None:
         """Residuals smoothed along edges, on one grid and on blocks first, against NumPy."""
@@ -218,7 +181,7 @@ class Checks:
             _, again = _timed(smoothed)
             outcome.compile_seconds += max(0.0, seconds - again)
             what = f"residuals smoothed on {levels + 1} grids" if levels else "residuals"
-            outcome.compare(what, _apart(found, smoothed_from_blocks(given, levels)), TOLERANCES[case.precision])
+            outcome.compare(what, apart(found, smoothed_from_blocks(given, levels)), TOLERANCES[case.precision])
 
     def _energy(self, case: Case, outcome: Outcome) -> None:
         """An energy, its slopes, its least along a step, and that a step goes there."""
@@ -258,7 +221,7 @@ class Checks:
         if reference.view.limits is not None:
             expected = np.fmin(np.fmax(expected, reference.view.limits[0]), reference.view.limits[1])
         moved = descent.log_depth()
-        outcome.compare("values after a step", _apart(moved, expected), tolerance)
+        outcome.compare("values after a step", apart(moved, expected), tolerance)
         energy = reference.energy(moved.astype(np.float64), _WHITE)
         outcome.compare("energies after a step", abs(descent.linearise(_WHITE).energy - energy) / energy, tolerance)
 
@@ -325,7 +288,7 @@ class Checks:
     def _to_the_limit(self, sweeper: Sweeper, case: Case, *, most: int = _MOST_ITERATIONS) -> list[NDArray[np.float64]]:
         changes: list[NDArray[np.float64]] = []
         while not changes or (
-            changes[-1][-1, 0] > _ENDS[case.precision] and len(changes) * _ITERATIONS_AT_A_TIME < most
+            changes[-1][-1, 0] > ENDS[case.precision] and len(changes) * _ITERATIONS_AT_A_TIME < most
         ):
             changes.append(sweeper.run(_ITERATIONS_AT_A_TIME))
         return changes
@@ -348,81 +311,13 @@ class Checks:
         """With what the scheme makes of each value's neighbours, or with a limit that was found to be right so."""
         key = replace(case, ordering="")
         tolerance = TOLERANCES[case.precision]
-        if key in self._references:
-            outcome.compare("values in the limit", _apart(values, self._references[key]), tolerance)
+        if key in self._limits:
+            outcome.compare("values in the limit", apart(values, self._limits[key]), tolerance)
             return
-        apart = _unsettled(problem, values)
-        outcome.compare("values in the limit and those that their neighbours allow", apart, tolerance)
-        if apart <= tolerance:
-            self._references[key] = values.astype(np.float64)
-
-    def _iterated(self, case: Case, count: int, *, coloured: bool) -> NDArray[np.float64]:
-        """Values of the reference after so many iterations, in the order of two colours or the lexicographic."""
-        key = replace(case, ordering="coloured" if coloured else FIRST, precision="float64")
-        if (key, count) not in self._references:
-            reference = _reference(case)
-            for _ in range(count):
-                if not coloured:
-                    reference.iterate()
-                    continue
-                for _ in range(4):
-                    reference.sweep_colour(0)
-                    reference.sweep_colour(1)
-                    reference.renew_boundary()
-            self._references[key, count] = reference.log_depth
-        found: NDArray[np.float64] = self._references[key, count]
-        return found
-
-    def _limit(self, case: Case) -> NDArray[np.float64]:
-        """Values of the reference that no longer change, whatever the order of the cells."""
-        key = replace(case, ordering="", precision="float64")
-        if key not in self._references:
-            reference = _reference(case)
-            before = np.full(reference.log_depth.shape, np.inf)
-            while (before - reference.log_depth).max() > _ENDS["float64"]:
-                before = reference.log_depth.copy()
-                reference.sweep_colour(0)
-                reference.sweep_colour(1)
-            self._references[key] = reference.log_depth
-        found: NDArray[np.float64] = self._references[key]
-        return found
-
-
-def _limit_is_near(case: Case) -> bool:
-    """Whether the limit of the Lax-Friedrichs scheme is one in any order of the cells, and soon reached."""
-    quickly = case.surface == "toward" and case.material == "Lambertian" if case.light_source.flat_rim else True
-    return case.boundary == "wall" and quickly
-
-
-def _problem(case: Case, shape: tuple[int, int]) -> Problem:
-    light, material = case.light_source, case.reflectance
-    return noise(light, material, case.scheme, case.surface, case.boundary, shape, bounded=case.bounded)
-
-
-def _reference(case: Case) -> Reference:
-    problem = _problem(case, SMALL if case.kind == "sweeps" else LARGE)
-    return Reference.of(problem, linear=case.boundary == "extrapolate")
-
-
-def _unsettled(problem: Problem, values: NDArray[np.floating]) -> float:
-    """How far values are from the lowest that the upwind scheme finds for them from their neighbours."""
-    reference = Reference.of(problem)
-    start, reference.log_depth = reference.log_depth, values.astype(np.float64)
-    rows, columns = np.nonzero(problem.domain.solved)
-    sides = [(leftwards, upwards) for upwards in (0, 1) for leftwards in (0, 1)]
-    lowest = reference.least[rows, columns]
-    found = [np.maximum(reference.upwind(rows, columns, *side, both_edges=True), lowest) for side in sides]
-    least = np.fmin.reduce([*found, start[rows, columns]])
-    known = _apart(reference.log_depth[problem.domain.known], start[problem.domain.known])
-    return max(known, _apart(reference.log_depth[rows, columns], least))
-
-
-def _apart(values: NDArray[np.floating], expected: NDArray[np.float64]) -> float:
-    """Largest difference, as a share of what is expected where that is above 1; infinite where one of both is NaN."""
-    there = ~(np.isnan(values) & np.isnan(expected))
-    scale = np.maximum(1.0, np.abs(expected[there]))
-    difference = np.abs(values[there].astype(np.float64) - expected[there]) / scale
-    return float(np.where(np.isnan(difference), np.inf, difference).max(initial=0.0))
+        unsettled = distance_from_settled(problem, values)
+        outcome.compare("values in the limit and those that their neighbours allow", unsettled, tolerance)
+        if unsettled <= tolerance:
+            self._limits[key] = values.astype(np.float64)
 
 
 def _timed(work: Callable[[], _Result]) -> tuple[_Result, float]:

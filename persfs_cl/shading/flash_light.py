@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
-from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import FARTHEST, NEAREST, as_flag, as_number, as_numbers
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.equations import Equation, FlashEquation, HeadlightEquation, LampEquation
 from persfs_cl.shading.forward import Direction, surface_norm
 from persfs_cl.shading.lambertian import Lambertian

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import PixelGrid
 from persfs_cl.choices import Boundary
+from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.equations import Equation
 from persfs_cl.shading.reflectance import Reflectance
 

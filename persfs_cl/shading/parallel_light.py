@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
-from persfs_cl.camera import PixelGrid
 from persfs_cl.checks import as_number
 from persfs_cl.choices import Boundary
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.equations import Equation, MaterialEquation, ParallelEquation
 from persfs_cl.shading.forward import reflectance_map
 from persfs_cl.shading.model import Light, Model

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import Camera, PixelGrid, require_camera
+from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_mask
 from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.fit import band
 from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_albedo, as_array_of_image, as_known_depth

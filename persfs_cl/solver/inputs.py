@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl import checks
 from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import PixelGrid
 from persfs_cl.choices import GuideScale
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_array_of_image
 from persfs_cl.masks import Neighbours

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Indices
-from persfs_cl.camera import PixelGrid
+from persfs_cl.grid import PixelGrid
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 from persfs_cl.shading.equations import Equation, Slopes
 from persfs_cl.shading.model import Model

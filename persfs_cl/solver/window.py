@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Mask
-from persfs_cl.camera import PixelGrid
+from persfs_cl.grid import PixelGrid
 from persfs_cl.masks import NONE
 
 Stretches = tuple[slice, ...]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.checks import as_whole_number
-from persfs_cl.surface import geometry
+from persfs_cl.surface import geometry, triangulation
 from persfs_cl.surface.geometry import Discontinuities
 from persfs_cl.surface.sampling import fitted_samples
 
@@ -76,7 +76,7 @@ def simplified_mesh(
     colour: ArrayLike | None = None,
     discontinuities: Discontinuities | None = None,
 ) -> trimesh.Trimesh:
-    """The mesh of :func:`persfs_cl.surface.geometry.mesh`, or one of fewer triangles.
+    """The mesh of :func:`persfs_cl.surface.triangulation.mesh`, or one of fewer triangles.
 
     Parameters
     ----------
@@ -106,10 +106,10 @@ def simplified_mesh(
     import trimesh
 
     z = geometry.depth_array(depth)
-    along_rows, along_columns = geometry.joined(~np.isnan(z), discontinuities)
-    count = geometry.triangle_count(along_rows, along_columns)
+    along_rows, along_columns = triangulation.joined(~np.isnan(z), discontinuities)
+    count = triangulation.triangle_count(along_rows, along_columns)
     if count <= most:
-        return geometry.mesh(z, camera, colour, discontinuities)
+        return triangulation.mesh(z, camera, colour, discontinuities)
     step = math.ceil(math.sqrt(count / (_ENOUGH * most)))
     faces = _thinned(along_rows, along_columns, step)
     used = np.zeros(z.size, bool)
@@ -119,7 +119,7 @@ def simplified_mesh(
     seen, faces = _upright(view.of_samples(pixels, step, discontinuities), number[faces] - 1, most)
     colours = None
     if colour is not None:
-        colours = geometry.rgb(colour, z.shape).reshape(-1, 3)[view.nearest_pixels(seen, pixels)]
+        colours = triangulation.rgb(colour, z.shape).reshape(-1, 3)[view.nearest_pixels(seen, pixels)]
     return trimesh.Trimesh(view.in_space(seen), faces.astype(np.int64), vertex_colors=colours, process=False)
 
 
@@ -199,14 +199,14 @@ def _thinned(along_rows: Mask, along_columns: Mask, step: int) -> NDArray[np.int
     shape = len(along_rows), along_columns.shape[1]
     index = np.arange(shape[0] * shape[1], dtype=np.int32).reshape(shape)
     if step == 1:
-        return geometry.triangles(index, along_rows, along_columns)
+        return triangulation.triangles(index, along_rows, along_columns)
     rows, columns = (size // step for size in (len(along_columns), along_rows.shape[1]))
     squares = along_rows[:-1] & along_rows[1:] & along_columns[:, :-1] & along_columns[:, 1:]
     blocks = squares[: rows * step, : columns * step].reshape(rows, step, columns, step)
     coarse = blocks.all(axis=(1, 3))
     fine = np.ones(squares.shape, bool)
     fine[: rows * step, : columns * step] = ~coarse.repeat(step, axis=0).repeat(step, axis=1)
-    found = [geometry.triangles(index, along_rows, along_columns, fine)]
+    found = [triangulation.triangles(index, along_rows, along_columns, fine)]
 
     # Whether what lies next to a cell is coarse; of the image's own edge there is nothing to be kept.
     around = np.pad(coarse, 1, constant_values=True)

@@ -16,7 +16,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
 from persfs_cl.checks import as_number
 from persfs_cl.errors import InputError
-from persfs_cl.surface import geometry
+from persfs_cl.surface import geometry, triangulation
 from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
 from persfs_cl.wording import keyword
 
@@ -124,7 +124,7 @@ def solid_mesh(depth: ArrayLike, camera: Camera, block: Block, mesh_faces: int |
 def _top(z: Array, camera: Camera, most: int | None) -> tuple[Array, Faces]:
     """Points and triangles of the surface: few enough that those of the whole solid are at most so many."""
     if most is None:
-        whole = geometry.mesh(z, camera)
+        whole = triangulation.mesh(z, camera)
         return _used(
             np.asarray(whole.vertices), _each_edge_once(np.asarray(whole.faces, np.int64), len(whole.vertices))
         )

@@ -22,7 +22,7 @@ from persfs_cl.errors import InputError
 from persfs_cl.quantiles import median
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.surface import geometry
+from persfs_cl.surface import geometry, triangulation
 from persfs_cl.surface import render as forward
 from persfs_cl.surface.confidence import Confidence, SlopeErrors, cosine_to_light
 from persfs_cl.surface.plots.maps import colour_normals
@@ -151,7 +151,7 @@ class SolvedSurface:
             colour = self.shown
         if most is not None:
             return simplified_mesh(self.depth, self.camera, most, colour, self.discontinuities)
-        return geometry.mesh(self.depth, self.camera, colour, self.discontinuities)
+        return triangulation.mesh(self.depth, self.camera, colour, self.discontinuities)
 
     def solid(self, width: float = 100.0, base: float = 3.0, *, mesh_faces: int | None = None) -> trimesh.Trimesh:
         """A watertight solid to be printed, in millimetres: the surface as a relief on a plate.

@@ -36,7 +36,12 @@ def values_of(one: Sweeper) -> list[NDArray[np.float64]]:
     return values
 
 
-@pytest.mark.quick_where(holds=lambda given: (given["precision"] == "float64") == (given["ordering"] == "checkerboard"))
+# Of an ordering only the padding of its images matters.
+@pytest.mark.quick_where(
+    holds=lambda given: (
+        (given["ordering"], given["precision"]) in (("wavefront", "float32"), ("lexicographic", "float64"))
+    )
+)
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard", "lexicographic"])
 def test_products_and_mixtures_are_those_of_numpy(device: ps.Device, precision: str, ordering: str) -> None:
     one, shapes = started(device, precision, ordering)

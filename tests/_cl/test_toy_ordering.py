@@ -92,8 +92,9 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("toy")
-# What is corrected to second order does not know the ordering.
+# What is corrected to second order does not know the ordering, and the ordering does not know the scheme.
 @pytest.mark.quick_where(holds=lambda given: given["precision"] == "float32" and given["order"] == 1)
+@pytest.mark.quick_where(holds=lambda given: given["scheme"] == "upwind")
 @pytest.mark.parametrize(
     ("scheme", "boundary", "order"), [("lax-friedrichs", "outflow", 1), ("upwind", "wall", 1), ("upwind", "wall", 2)]
 )

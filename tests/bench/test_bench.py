@@ -18,7 +18,7 @@ from command import run
 import persfs_cl as ps
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
-from persfs_cl.bench import accuracy, baselines, experiments, plots
+from persfs_cl.bench import accuracy, baselines, experiments, fresh, plots
 from persfs_cl.bench.baselines import Baseline
 from persfs_cl.bench.calls import FAST_MARCHING
 from persfs_cl.bench.experiments import EXPERIMENTS
@@ -276,6 +276,7 @@ def test_only_the_schemes_asked_for_are_measured(device: ps.Device) -> None:
         assert all(workload.endswith(("upwind", FAST_MARCHING)) for workload in workloads)
 
 
+@pytest.mark.usefixtures("lexicographic_wavefront")
 def test_errors_are_drawn_as_far_as_they_go(device: ps.Device, tmp_path: Path) -> None:
     """Broken off after the first scheme, and after all schemes of a scene at several sizes."""
     plan = Plan(device, sizes=(16, 24))
@@ -302,10 +303,20 @@ def test_without_the_scanned_object_it_is_said_where_it_comes_from(
     assert len(records) == 1 + 2 * len([*accuracy.PHOTOGRAPHS, accuracy.FILTERED])
 
 
-def test_experiments_in_processes_of_their_own(device: ps.Device) -> None:
+def test_experiments_in_processes_of_their_own(
+    device: ps.Device, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     plan = Plan(device, sizes=(64,), orderings=("lexicographic",), repeats=1)
     (builds,) = experiments.compilation(plan)
     assert [record.quantity for record in builds] == ["build, empty caches", "build, filled caches"]
+
+    def here(*arguments: str) -> dict[str, float]:
+        fresh._main(*arguments)
+        found: dict[str, float] = json.loads(capsys.readouterr().out)
+        return found
+
+    # What another process would have to compile first.
+    monkeypatch.setattr(fresh, "run_fresh", here)
     (sizes,) = experiments.memory(plan)
     by_quantity = {record.quantity: record.median or 0.0 for record in sizes}
     assert by_quantity["peak memory"] >= by_quantity["before the image"] > 10

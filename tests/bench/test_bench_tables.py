@@ -12,10 +12,11 @@ from command import run
 
 import persfs_cl as ps
 from persfs_cl.bench import accuracy, alternatives, experiments
+from persfs_cl.bench.cells import two_digits
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
-from persfs_cl.bench.tables import contents, markers, two_digits
+from persfs_cl.bench.tables import contents, markers
 from persfs_cl.environment import environment
 from persfs_cl.page import ENVIRONMENT, filled, marked
 
@@ -161,6 +162,7 @@ def test_a_missing_object_is_said_on_the_page(device: ps.Device, monkeypatch: py
     assert all(cell for row in others for cell in row)
 
 
+@pytest.mark.usefixtures("lexicographic_wavefront")
 def test_tables_of_materials_are_whole(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     # The roughest is solved by another scheme, so that there is one of each kind.
     for name in ("Oren-Nayar 0.4", "Phong"):

@@ -30,7 +30,7 @@ def test_what_guides_are_worth_is_told_in_two_tables(device: ps.Device, monkeypa
         raise ps.InputError("get the head")
 
     monkeypatch.setattr(guided, "OBJECTS", {"bunny": two_balls, "head": missing})
-    monkeypatch.setattr(guided, "TURNS", (0, 180))
+    monkeypatch.setattr(guided, "TURNS", (0,))
     monkeypatch.setattr(guided, "OTHER_LIGHTS", {"parallel": ps.ParallelLight(0.15, -0.1)})
     monkeypatch.setattr(guided, "SCENES", {"bump": ps.bump})
     kept = ("1/9, 2 % noise", "200 points, 1 % noise", "1/9, gain unknown", "like a network's, inverse")

@@ -10,8 +10,8 @@ from batches import photos, pretend
 
 from persfs_cl.cli.alike import Alike
 from persfs_cl.cli.batch_progress import Tally
-from persfs_cl.pipeline.batch import BatchResult
 from persfs_cl.pipeline.manifest import Record
+from persfs_cl.pipeline.run import BatchResult
 from persfs_cl.pipeline.store import FolderStore
 
 

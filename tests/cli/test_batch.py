@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from batches import Here
 from command import run
 from PIL import Image
 from videos import make_video
@@ -20,9 +19,9 @@ from videos import make_video
 import persfs_cl as ps
 from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.io.export import write_grey
-from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.listing import Listing
 from persfs_cl.pipeline.plan import Plan
+from persfs_cl.pipeline.run import Batch
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
 FLASH = ("--light", "flash", "--focal-length", "24")
@@ -35,12 +34,6 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number, name in enumerate(("a.png", "b.png", "deep/a.png")):
         write_grey(folder / name, SCENE.image / SCENE.image.max() * (1 - 0.1 * number))
     return folder
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, listening: None) -> None:  # noqa: ARG001
-    """The device is used by this process: one of its own takes a second to start, and is not what the test is about."""
-    monkeypatch.setattr("persfs_cl.pipeline.workforce.Crew", Here)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +69,7 @@ def test_each_photo_has_its_folder_and_all_have_a_page(done: Path) -> None:
     }
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_again_only_what_failed_is_tried(done: Path) -> None:
     outcome = run("batch", done.parent / "in", "-o", done, *FLASH)
     assert outcome.status == 1
@@ -85,7 +78,7 @@ def test_again_only_what_failed_is_tried(done: Path) -> None:
     assert "1 failed" in outcome.stderr
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_every_photo_may_become_a_solid(photos: Path, tmp_path: Path) -> None:
     outcome = run("batch", photos / "a.png", "-o", tmp_path / "out", *FLASH, "--save", "solid.3mf", "--width", "33")
     assert outcome.status == 0
@@ -113,7 +106,7 @@ def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path
     assert not output.exists()
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
     config = tmp_path / "flash.toml"
     config.write_text('light = "flash"\nfocal-length = 24\nsave = "depth.npy"\n', encoding="utf-8")
@@ -173,7 +166,7 @@ def test_where_nothing_can_be_used_nothing_is_made(photos: Path, tmp_path: Path)
     assert sorted(photos.rglob("*")) == before
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_what_failed_is_told_where_the_page_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "text.png").write_text("no image")
@@ -210,7 +203,7 @@ def test_output_that_is_a_file_is_refused(photos: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out").read_text() == "mine"
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_what_is_not_there_is_named(photos: Path, tmp_path: Path) -> None:
     outcome = run("batch", photos / "none.png", photos / "a.png", "-o", tmp_path / "out", *FLASH, "--save", "depth.npy")
     assert outcome.status == 1
@@ -224,7 +217,7 @@ def test_no_device_ends_with_its_status(photos: Path, tmp_path: Path) -> None:
     assert "no such device" in outcome.stderr
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_shares_together_do_all(photos: Path, tmp_path: Path) -> None:
     lines = []
     for share in ("1/2", "2/2"):
@@ -237,7 +230,7 @@ def test_shares_together_do_all(photos: Path, tmp_path: Path) -> None:
     assert sorted(record["name"] for record in records) == ["a.png", "b.png", "deep/a.png"]
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_frames_of_a_video_with_masks_of_their_own(tmp_path: Path) -> None:
     clip, masks, out = tmp_path / "clip.mkv", tmp_path / "masks", tmp_path / "out"
     levels = [np.round(share * SCENE.image / SCENE.image.max()).astype(np.uint8) for share in (255, 230, 205, 180)]
@@ -261,7 +254,7 @@ def test_frames_of_a_video_with_masks_of_their_own(tmp_path: Path) -> None:
     assert "2 were done before" in run("batch", clip, "-o", out, *options).stderr
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("in_this_process")
 def test_a_folder_of_colmap_with_its_cameras_and_masks(tmp_path: Path) -> None:
     """Names below a folder, masks named after them, and a camera that two images share."""
     images, sparse, masks, out = (tmp_path / name for name in ("images", "sparse", "masks", "out"))

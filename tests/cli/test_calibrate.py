@@ -37,6 +37,7 @@ def flash(tmp_path: Path) -> tuple[Path, Path, float]:
 
 
 @pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("in_this_process")
 def test_what_was_fitted_makes_a_better_surface(flash: tuple[Path, Path, float], tmp_path: Path) -> None:
     photo, known, gain = flash
     file = tmp_path / "light.toml"

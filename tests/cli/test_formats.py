@@ -84,6 +84,7 @@ def test_a_page_is_chosen(tmp_path: Path) -> None:
     assert "there is no page 3" in run("reconstruct", path, "-o", tmp_path / "o", *FOCAL, "--page", "3").stderr
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("option", [("--page", "2"), ("--half-size",)])
 def test_frames_of_a_video_have_neither_pages_nor_half_sizes(tmp_path: Path, option: tuple[str, ...]) -> None:
     levels = np.rint(255 * encode_srgb(SCENE.image)).astype(np.uint8)

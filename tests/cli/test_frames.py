@@ -68,6 +68,7 @@ def _error(folder: Path) -> float:
     return ps.compare(found, truth).mean
 
 
+@pytest.mark.usefixtures("quick", "lexicographic_wavefront")
 @pytest.mark.parametrize("size", [None, 64])
 def test_a_bent_photo_and_all_that_goes_with_it(bent: Path, size: int | None) -> None:
     folder = bent.parent
@@ -120,6 +121,7 @@ def test_a_smaller_size_alone(bent: Path) -> None:
     assert _error(folder / "out") < 0.004
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("kind", ["opencv", "fisheye"])
 def test_the_file_of_a_camera(bent: Path, kind: str) -> None:
     lens = LENS if kind == "opencv" else (0.03, -0.01, 0.0, 0.0)
@@ -152,6 +154,7 @@ def test_the_file_of_a_camera(bent: Path, kind: str) -> None:
     )
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_batch_with_a_table_of_lenses_of_smaller_size(bent: Path) -> None:
     folder = bent.parent
     (folder / "cameras.txt").write_text(f"1 OPENCV 128 96 150 150 64 48 {' '.join(map(str, LENS))}\n")
@@ -203,6 +206,7 @@ def test_a_look_at_headers_knows_lenses(bent: Path) -> None:
     assert looked.horizontal_view == pytest.approx(view)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_mask_that_is_found_and_eroded(tmp_path: Path) -> None:
     scene = ps.bump((48, 48), light=ps.FlashLight())
     rows, columns = np.indices((48, 48))

@@ -346,7 +346,7 @@ def test_ambient_light_and_vignetting_are_undone(files: str, tmp_path: Path) -> 
         assert report["grey_levels_photo"]["mean_error"] == pytest.approx(report["grey_levels"]["mean_error"], 1e-3)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("quick", "in_this_process")
 def test_a_tone_curve_and_the_white_level_are_told(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "photo.tif", (0.5 * SCENE.image) ** (1 / 1.4))
     expected = ps.reconstruct(SCENE.image, ps.Camera(WIDTH))

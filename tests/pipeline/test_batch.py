@@ -15,12 +15,12 @@ from batches import PLAN, SHAPE, Pretender, lines, photos, pretend, require_whol
 
 import persfs_cl as ps
 from persfs_cl.pipeline import claim
-from persfs_cl.pipeline.batch import Batch
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import FOLDER
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish
 from persfs_cl.pipeline.plan import Plan
+from persfs_cl.pipeline.run import Batch
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.surface.saving import Saving
 

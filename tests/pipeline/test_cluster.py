@@ -24,13 +24,14 @@ from command import run
 import persfs_cl as ps
 from persfs_cl.errors import DeviceError, InputError, PersfsWarning, UnavailableError
 from persfs_cl.pipeline import cluster, cluster_worker, store
-from persfs_cl.pipeline.batch import BatchResult, batch
+from persfs_cl.pipeline.batch import batch
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cluster import Cluster, Patience
 from persfs_cl.pipeline.cluster_worker import Answer, versions
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.manifest import FOLDER, Record, records_of
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.run import BatchResult
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import FolderStore, store_for
 from persfs_cl.pipeline.workers import Setting

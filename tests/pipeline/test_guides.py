@@ -251,16 +251,18 @@ def test_each_photo_has_the_guide_of_its_name(tmp_path: Path) -> None:
         Plan(guides=tmp_path / "nowhere").require_files()
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_batch_is_guided(tmp_path: Path) -> None:
     scene = ps.bump((24, 32), light=ps.FlashLight(gain=0.5))
     write_grey(tmp_path / "photo.png", scene.image, 16)
     np.save(tmp_path / "guide.npy", 3.0 * scene.depth.reshape(6, 4, 8, 4).mean(axis=(1, 3)))
     given: dict[str, Any] = {"light": ps.FlashLight(gain=None), "camera": scene.camera, "guide": tmp_path / "guide.npy"}
-    [result] = ps.batch(tmp_path / "photo.png", **given)
-    assert result.solution is not None, result.error
-    assert result.solution.guide is not None
-    assert result.solution.guide.gain == pytest.approx(4.5, rel=0.02)
-    np.testing.assert_allclose(result.solution.depth, 3.0 * scene.depth, rtol=0.02)
+    [result] = ps.batch(tmp_path / "photo.png", tmp_path / "out", save="solution", **given)
+    assert result.error is None
+    solution = ps.load(tmp_path / "out" / "photo.png")
+    assert solution.guide is not None
+    assert solution.guide.gain == pytest.approx(4.5, rel=0.02)
+    np.testing.assert_allclose(solution.depth, 3.0 * scene.depth, rtol=0.02)
     with pytest.raises(InputError, match="guide say the same in two ways"):
         list(ps.batch(tmp_path / "photo.png", guides=tmp_path, **given))
     with pytest.raises(InputError, match=r"near=3\.0 is beyond far=2\.0"):

@@ -15,7 +15,7 @@ from processes import finished, running, wait_until
 
 import persfs_cl as ps
 from persfs_cl.io.photos import read_photo
-from persfs_cl.pipeline.batch import BatchResult
+from persfs_cl.pipeline.run import BatchResult
 
 LIGHT = ps.FlashLight()
 CAMERA = ps.Camera(FOCAL)
@@ -48,6 +48,7 @@ def test_numbers_are_those_of_one_by_one_to_the_bit(tmp_path: Path) -> None:
             assert (result.solution.status, result.solution.iterations) == (other.status, other.iterations)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_bounds_of_the_depth_are_for_all_photographs(tmp_path: Path) -> None:
     names = photos(tmp_path / "in", 2, (24, 30))
     images = {name: read_photo(tmp_path / "in" / name).image for name in names}
@@ -58,7 +59,9 @@ def test_bounds_of_the_depth_are_for_all_photographs(tmp_path: Path) -> None:
     # By the order whose kernels are compiled most quickly.
     bounds: dict[str, Any] = {"near": near, "far": tmp_path / "far.npy", "ordering": "lexicographic"}
     for result in ps.batch(tmp_path / "in", tmp_path / "out", camera=CAMERA, light=LIGHT, save="depth.npy", **bounds):
-        expected = ps.reconstruct(images[result.name], CAMERA, light=LIGHT, depth_range=(near, far))
+        expected = ps.reconstruct(
+            images[result.name], CAMERA, light=LIGHT, depth_range=(near, far), ordering="lexicographic"
+        )
         np.testing.assert_array_equal(np.load(tmp_path / "out" / result.name / "depth.npy"), expected.depth)
         assert expected.at_bound.any()
     assert not list(ps.batch(tmp_path / "in", tmp_path / "out", camera=CAMERA, light=LIGHT, save="depth.npy", **bounds))
@@ -145,6 +148,7 @@ sys.stdin.read()
 
 
 @LINUX
+@pytest.mark.usefixtures("in_this_process")
 def test_a_loop_that_ends_early_leaves_no_process_and_nothing_unfinished(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     names = photos(folder, 60)

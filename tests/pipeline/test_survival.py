@@ -52,6 +52,7 @@ def kill_at_random(out: Path, kills: int, script: str, *arguments: str) -> None:
     assert sum(times_done(out).values()) > 0
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_killed_at_random_moments_and_run_to_the_end(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     names = photos(folder, 30)
@@ -75,6 +76,7 @@ def test_command_killed_ten_times_and_run_to_the_end(tmp_path: Path) -> None:
     assert {path.name for path in out.iterdir()} == {*names, "manifest", "index.html", "contact.jpg", "summary.csv"}
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.thorough)])
 def test_command_interrupted_keeps_what_is_complete(number: signal.Signals, tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"

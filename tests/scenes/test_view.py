@@ -14,6 +14,7 @@ from persfs_cl.scenes import view as seen
 from persfs_cl.scenes.meshes import mesh_scene
 from persfs_cl.scenes.view import mesh_view
 from persfs_cl.surface import geometry as surface
+from persfs_cl.surface import triangulation
 
 SHAPE = (60, 80)
 CAMERA = Camera(focal_length=(90.0, 85.0))
@@ -77,7 +78,7 @@ def test_a_depth_map_comes_back_from_its_mesh(chunk: int, monkeypatch: pytest.Mo
     depth[3:6, 4:7] = np.nan
     assert np.nanmax(np.abs(np.diff(depth, axis=1)) * 90.0 / depth[:, :-1]) > 20
 
-    view = mesh_view(surface.mesh(depth, CAMERA), CAMERA, shape)
+    view = mesh_view(triangulation.mesh(depth, CAMERA), CAMERA, shape)
     np.testing.assert_allclose(view.depth, depth, rtol=1e-12)
     assert not view.walls.any()
 

@@ -11,7 +11,8 @@ from persfs_cl import blocks
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.surface.geometry import Discontinuities, log_depth_gradient, mesh, normals, normals_of_rows, points
+from persfs_cl.surface.geometry import Discontinuities, log_depth_gradient, normals, normals_of_rows, points
+from persfs_cl.surface.triangulation import mesh
 
 SQUARE = (100.0, 100.0)
 OBLONG = (70.0, 130.0)

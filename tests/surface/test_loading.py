@@ -96,7 +96,7 @@ def test_what_was_saved_is_loaded(
     alike(one, ps.load(tmp_path))
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("precision", ["float32", pytest.param("float64", marks=pytest.mark.thorough)])
 def test_a_loaded_solution_does_what_it_did(precision: str, tmp_path: Path) -> None:
     scene = ps.bump((12, 15), light=ps.FlashLight())
     device = ps.devices()[0]
@@ -126,7 +126,7 @@ def test_a_loaded_solution_does_what_it_did(precision: str, tmp_path: Path) -> N
     assert said == again
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("no_pictures", "in_this_process")
 def test_what_the_commands_and_batch_write_can_be_loaded(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     png(tmp_path / "in" / "photo.png", SCENE.image)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.scenes.view import mesh_view
-from persfs_cl.surface import geometry, simplify
+from persfs_cl.surface import geometry, simplify, triangulation
 from persfs_cl.surface.geometry import Discontinuities
 from persfs_cl.surface.simplify import simplified_mesh
 
@@ -84,7 +84,7 @@ def test_flat_ground_keeps_its_corners() -> None:
 
 def test_a_mesh_that_is_small_enough_stays_as_it_is() -> None:
     z = np.where(HOLED, WAVY, np.nan)
-    whole = geometry.mesh(z, CAMERA, np.zeros(SHAPE, np.uint8))
+    whole = triangulation.mesh(z, CAMERA, np.zeros(SHAPE, np.uint8))
     mesh = simplified_mesh(z, CAMERA, len(whole.faces), np.zeros(SHAPE, np.uint8))
     np.testing.assert_array_equal(mesh.vertices, whole.vertices)
     np.testing.assert_array_equal(mesh.faces, whole.faces)
@@ -177,9 +177,9 @@ def test_a_thinned_grid_covers_the_surface_once_and_has_no_gaps(step: int, seed:
     finite = random.random(shape) > 0.004
     finite[10:17, 20:33] = False
     cut = Discontinuities(random.random((43, 51)) < 0.003, random.random((42, 52)) < 0.003)
-    joined = geometry.joined(finite, cut)
+    joined = triangulation.joined(finite, cut)
     index = np.arange(finite.size, dtype=np.int32).reshape(shape)
-    full, thin = geometry.triangles(index, *joined), simplify._thinned(*joined, step)
+    full, thin = triangulation.triangles(index, *joined), simplify._thinned(*joined, step)
 
     def covered(faces: NDArray[np.int32]) -> Array:
         """Twice the area of each triangle, above 0 where it faces the camera."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.camera import PixelGrid
+from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.energy.view import View

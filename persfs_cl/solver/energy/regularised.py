@@ -10,8 +10,8 @@ import numpy as np
 from persfs_cl import masks
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.camera import PixelGrid
 from persfs_cl.choices import Precision
+from persfs_cl.grid import PixelGrid
 from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance

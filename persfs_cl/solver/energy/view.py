@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.camera import PixelGrid
+from persfs_cl.grid import PixelGrid
 
 _Number = TypeVar("_Number", np.float64, np.uint8)
 _BESIDE = masks.NO_LEFT | masks.NO_RIGHT | masks.NO_UP | masks.NO_DOWN

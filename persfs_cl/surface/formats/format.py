@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
-from persfs_cl.surface import geometry
+from persfs_cl.surface import triangulation
 from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.solid import Block
 from persfs_cl.surface.solved import Derived
@@ -89,7 +89,7 @@ class Source:
     @property
     def rgb(self) -> NDArray[np.uint8]:
         """What the surface wears, shape (height, width, 3)."""
-        return geometry.rgb(self.solution.shown if self._colour is None else self._colour, self.shape)
+        return triangulation.rgb(self.solution.shown if self._colour is None else self._colour, self.shape)
 
     # One thread makes everything that needs them.
     @cached_property

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import platform
 import zlib
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
-from persfs_cl.camera import calibration_of
+from persfs_cl.camera import Camera
 from persfs_cl.io.export import write_arrays, write_json
+from persfs_cl.lens import Fisheye
 from persfs_cl.shading.stated import stated
 from persfs_cl.surface.formats.format import Format, Source
 from persfs_cl.surface.outcome import Outcome
@@ -118,9 +119,22 @@ def _write_report(target: Path, source: Source) -> None:
 
 def _write_camera(target: Path, source: Source) -> None:
     taken = source.taken
-    own = calibration_of(source.solution.camera, source.shape)
-    photo = {} if taken is None else {"photo": calibration_of(taken.camera, taken.shape)}
+    own = _calibration(source.solution.camera, source.shape)
+    photo = {} if taken is None else {"photo": _calibration(taken.camera, taken.shape)}
     write_json(target, {**own, "axes": "x to the right, y down, z forward; pixels are centred on integers"}, photo)
+
+
+def _calibration(camera: Camera, shape: tuple[int, int]) -> dict[str, Any]:
+    """What a file says of the camera of an image of shape (height, width), as :meth:`Camera.from_file` reads it."""
+    column, row = camera.centre(shape)
+    lens = camera.distortion
+    return {
+        "image_width": shape[1],
+        "image_height": shape[0],
+        "camera_matrix": [[camera.fx, 0.0, column], [0.0, camera.fy, row], [0.0, 0.0, 1.0]],
+        "distortion_model": "none" if lens is None else "fisheye" if isinstance(lens, Fisheye) else "opencv",
+        "distortion_coefficients": [] if lens is None else list(astuple(lens) if isinstance(lens, Fisheye) else lens),
+    }
 
 
 RECORDS = (

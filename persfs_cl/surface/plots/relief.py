@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.camera import Camera, PixelGrid
+from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
+from persfs_cl.grid import PixelGrid
 from persfs_cl.io.files import FilePath
 from persfs_cl.quantiles import sampled
 from persfs_cl.surface import geometry as surface
