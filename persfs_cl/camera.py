@@ -354,8 +354,8 @@ class Camera:
         InputError
             When it cannot be read, or holds no camera, or several.
         CameraError
-            When it holds an impossible camera, or a lens model that is not known; when OpenCV, which reads YAML, is not
-            installed.
+            When it holds an impossible camera, or a lens model that is not known; when PyYAML, which
+            reads YAML, is not installed.
 
         Examples
         --------

@@ -84,7 +84,9 @@ def as_distortion(given: Any) -> Distortion | None:
 
 
 def _coefficients(given: Any, counts: tuple[int, ...]) -> tuple[float, ...]:
-    found = finite_numbers(given)
+    # OpenCV's own functions return them as a row or a column.
+    flat = given.ravel() if isinstance(given, np.ndarray) and given.size == max(given.shape, default=1) else given
+    found = finite_numbers(flat)
     if found is None or len(found) not in counts or max(map(abs, found)) > _MOST:
         wanted = "a number" if counts == (1,) else "4, 5, 8, 12 or 14 numbers, k1, k2, p1, p2, k3, ..., or a Fisheye"
         raise CameraError.about("distortion", given, f"is impossible: give {wanted}, as OpenCV's calibration does.")

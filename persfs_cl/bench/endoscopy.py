@@ -105,8 +105,9 @@ def read_frame(folder: Path) -> Frame:
 
 def _camera(path: Path) -> tuple[ps.Camera, tuple[int, int]]:
     """The camera, and the height and width of its frames."""
+    data = read_bytes(path)
     try:
-        given = json.loads(read_bytes(path))["camera"]
+        given = json.loads(data)["camera"]
         fx, fy, column, row, width, height = (given[name] for name in _CAMERA)
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f'{path} has no "camera" with {", ".join(_CAMERA)}: add it, in pixels.') from error

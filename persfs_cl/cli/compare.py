@@ -121,6 +121,7 @@ def _beside_points(
     """The errors of a depth map, and of two guesses that take no solver, at the same points."""
     values, points = read_depth(depth), read_points(file)
     shape = (values.shape[0], values.shape[1])
+    given = points
     if (moved := in_depth(points, depth, shape)) is not None:
         points = moved
         typer.echo(
@@ -142,10 +143,10 @@ def _beside_points(
     brightness = None
     if photo is not None:
         image = read_photo(photo, channel=channel, encoding=encoding).image
-        if image.shape != shape:
+        if moved is None and image.shape != shape:
             raise InputError(f"{photo} has shape {image.shape}, but {depth} {shape}: give the photo that it is from.")
         # Black would lie at infinity, and is left out.
-        brightness = at_points(np.where(image > 0, image, np.nan), points)
+        brightness = at_points(np.where(image > 0, image, np.nan), given)
     try:
         rows = {
             "depth": compare_points(estimate, truth, scale=scale),

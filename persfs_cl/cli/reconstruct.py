@@ -203,7 +203,8 @@ def _summary(result: PhotoSolution) -> str:
     }
     prepared = ", ".join(step for step, done in steps.items() if done)
     source = camera["source"]
-    told_by = source if source.startswith("EXIF") else f"--{source.replace('_', '-')}"
+    name, _, table = source.partition(" of ")
+    told_by = source if source.startswith("EXIF") else table or f"--{name.replace('_', '-')}"
     text = (
         f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"

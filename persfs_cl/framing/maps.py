@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, require_camera
-from persfs_cl.checks import as_array, as_floats, as_mask, unlike
+from persfs_cl.checks import as_array, as_floats, as_mask, to_float64, unlike
 from persfs_cl.errors import InputError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.straightened import Straightened
@@ -184,6 +184,7 @@ def undistort(values: ArrayLike, camera: Camera) -> tuple[Any, Camera]:
 def _one(array: Any, frame: Frame) -> Any:
     if array.dtype == bool:
         return frame.mostly(array)
+    array = to_float64(array)
     there = np.isfinite(array)
     means, known = frame.light(np.where(there, array, 0.0), there)
     return np.where(known, means, np.nan)

@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import Camera
+from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.lens import Distortion, Fisheye, opencv, unfolded
 
-_FARTHEST = math.tan(math.radians(70.0))
+_WIDEST_VIEW = 70.0
+_FARTHEST = math.tan(math.radians(_WIDEST_VIEW))
 """Normalised place, along x or y, up to which a pinhole camera is made to see: beyond, it takes ever more pixels."""
 _MOST = 2.0
 """Pixels that the new image may have for one of the old."""
 _SAMPLES = 96
 """Places along a side of the image whose rays are looked for, and of a frame where folds are."""
 _NOWHERE = -9.0
+_LEAST, _MUCH = 0.05, 0.5
+"""Share of the old image below which something is wrong, and up to which it is worth a word."""
 
 
 @lru_cache(maxsize=64)
@@ -57,14 +61,20 @@ def _seen(camera: Camera, old_shape: tuple[int, int]) -> tuple[float, float, flo
     places = camera.places(pixels, old_shape)
     with np.errstate(invalid="ignore"):
         places = places[(np.abs(places) <= _FARTHEST).all(axis=1)]
-    if not len(places):
+    kept = len(places) / len(pixels)
+    (left, top), (right, bottom) = (places.min(axis=0), places.max(axis=0)) if len(places) else ((0.0, 0.0),) * 2
+    if kept < _LEAST or not (left < right and top < bottom):
         raise CameraError.about(
             "distortion",
             camera.distortion,
-            f"leaves nothing of an image of {width} × {height} pixels that a pinhole camera could see: check it, the "
-            "focal length and the principal point, all in pixels of this very image.",
+            f"leaves {100 * kept:.2g} % of an image of {width} × {height} pixels that a pinhole camera could see: "
+            "check it, the focal length and the principal point, all in pixels of this very image, not in millimetres.",
         )
-    (left, top), (right, bottom) = places.min(axis=0), places.max(axis=0)
+    if kept < _MUCH:
+        warn(
+            f"Of an image of {width} × {height} pixels the distortion of the lens leaves {100 * kept:.2g} %: the rest "
+            f"is farther than {_WIDEST_VIEW:g}° from the optical axis, or beyond where the coefficients hold."
+        )
     return float(left), float(top), float(right), float(bottom)
 
 

@@ -134,6 +134,17 @@ class Cells:
         """How many each has."""
         return np.bincount(self.of_pixel[self.of_pixel >= 0], minlength=self.count)
 
+    @property
+    def are_points(self) -> bool:
+        """Whether none has more than a pixel."""
+        return int(self.pixels.max(initial=0)) <= 1
+
+    @property
+    def differing(self) -> float:
+        """By how much the values of neighbours differ, as a rule; 0 where there are none."""
+        apart = np.abs(self.beside(self.values) - self.values[:, None])
+        return 0.0 if np.isnan(apart).all() else float(np.nanmedian(apart))
+
     def cut(self, window: Callable[[NDArray[Any]], NDArray[Any]]) -> Cells:
         """The same on a part of the image."""
         return replace(self, of_pixel=window(self.of_pixel))

@@ -23,7 +23,7 @@ _LEAST = 1e-12
 
 def are_few(cells: Cells) -> bool:
     """Whether they are points, and few of them."""
-    return cells.count < _MANY and int(cells.pixels.max(initial=0)) <= 1
+    return cells.count < _MANY and cells.are_points
 
 
 def noise_of_few(relief: float) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from persfs_cl.checks import finite_number
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.wording import brief
@@ -29,6 +30,7 @@ _FISHEYES = ("fisheye", "equidistant", "kannala_brandt4")
 _OTHERS = ("none", "pinhole", "perspective", "opencv", "plumb_bob", "radtan", "brown_conrady", "rational_polynomial")
 _WIDTH, _HEIGHT, _SIZE = ("image_width", "width"), ("image_height", "height"), ("resolution", "image_size")
 _LARGEST = 2**20
+_MATRIX_TAG = "tag:yaml.org,2002:opencv-matrix"
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def read_calibration(path: FilePath) -> Calibrated:
     InputError
         When it cannot be read, or holds no camera.
     CameraError
-        When OpenCV, which reads YAML, is not installed; when the lens is of a model that is not known.
+        When PyYAML is not installed; when the lens is of a model that is not known.
     """
     path = as_path(path)
     suffix = path.suffix.lower()
@@ -94,20 +96,27 @@ def camera_of(path: Path, content: Any) -> Calibrated:
         Naming the file.
     """
     inner = content
-    while isinstance(inner, Mapping) and _first(inner, _MATRIX) is None and len(inner) == 1:
-        inner = next(iter(inner.values()))  # such as cam0
+    while isinstance(inner, Mapping) and _first(inner, _MATRIX) is None:
+        # Such as cam0.
+        inside = [one for one in inner.values() if isinstance(one, Mapping) and _first(one, _MATRIX) is not None]
+        if len(inside) > 1:
+            raise InputError(f"{path} has {len(inside)} cameras: leave the one that took the photo.")
+        if not inside and len(inner) != 1:
+            break
+        inner = inside[0] if inside else next(iter(inner.values()))
     matrix = _first(inner, _MATRIX) if isinstance(inner, Mapping) else None
     if matrix is None:
         raise InputError(
             f"{path} has no camera_matrix: give a file that holds it, its distortion_coefficients, image_width and "
             "image_height, as OpenCV's calibration does."
         )
-    columns = "intrinsic_matrix" in inner and not isinstance(matrix, Mapping) and not isinstance(matrix[0], Sequence)
-    fx, fy, cx, cy = _pinhole(path, _numbers(path, "camera_matrix", matrix), by_columns=columns)
-    model = str(_first(inner, _MODEL) or "").lower()
-    told = str(inner.get("distortion_model") or inner.get("model") or model).lower()
-    fisheye = told in _FISHEYES or bool(inner.get("fisheye_model"))
-    if told and told not in (*_FISHEYES, *_OTHERS):
+    flat = isinstance(matrix, Sequence) and not any(isinstance(row, Sequence) for row in matrix)
+    fx, fy, cx, cy = _pinhole(
+        path, _numbers(path, "camera_matrix", matrix), by_columns="intrinsic_matrix" in inner and flat
+    )
+    models = [str(inner[name]).lower() for name in _MODEL if inner.get(name) is not None]
+    fisheye = any(model in _FISHEYES for model in models) or bool(inner.get("fisheye_model"))
+    for told in (model for model in models if model not in (*_FISHEYES, *_OTHERS)):
         raise CameraError(
             f"{path} has the lens model {brief(told)}, which is not known: undistort the photos with the program that "
             "calibrated it, and give the pinhole camera that it writes."
@@ -145,10 +154,10 @@ def _size(path: Path, content: Mapping[str, Any]) -> tuple[int, int] | None:
         width, height = both
     sizes = []
     for name, value in (("image_height", height), ("image_width", width)):
-        whole = isinstance(value, (int, float)) and not isinstance(value, bool) and value == int(value)
-        if not (whole and 1 <= value <= _LARGEST):
+        number = finite_number(value)
+        if not (number % 1 == 0 and 1 <= number <= _LARGEST):
             raise InputError(f"{path} has {brief(value)} for {name}: give whole pixels, or leave both out.")
-        sizes.append(int(value))
+        sizes.append(int(number))
     return sizes[0], sizes[1]
 
 
@@ -163,9 +172,10 @@ def _numbers(path: Path, name: str, given: Any) -> tuple[float, ...]:
     rows = given if isinstance(given, Sequence) and not isinstance(given, str) else [None]
     for row in rows:
         for value in row if isinstance(row, Sequence) and not isinstance(row, str) else [row]:
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            number = finite_number(value)
+            if math.isnan(number):
                 raise InputError(f"{path} has {brief(value)} in {name}: give finite numbers.")
-            found.append(float(value))
+            found.append(number)
     return tuple(found)
 
 
@@ -180,36 +190,23 @@ def _from_json(path: Path) -> Any:
 
 
 def _from_yaml(path: Path) -> Any:
-    data = read_bytes(path)
     try:
-        import cv2
+        import yaml
     except ImportError as error:
         raise CameraError(
-            f"{path} is YAML, which OpenCV reads, and that is missing: pip install 'persfs-cl[lens]'."
+            f"{path} is YAML, which PyYAML reads, and that is missing: pip install 'persfs-cl[lens]'."
         ) from error
+
+    class Loader(yaml.SafeLoader):
+        """Knows OpenCV's matrices, which are mappings."""
+
+    Loader.add_constructor(_MATRIX_TAG, lambda loader, node: loader.construct_mapping(node, deep=True))
+    data = read_bytes(path)
     try:
         text = data.decode("utf-8-sig")
-        # OpenCV wants its own first line, which others do not write.
-        body = text if text.lstrip().startswith("%YAML") else f"%YAML:1.0\n---\n{text.lstrip().removeprefix('---')}"
-        storage = cv2.FileStorage(body, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        try:
-            return _plain(storage.root(), cv2)
-        finally:
-            storage.release()
-    except (cv2.error, UnicodeDecodeError, SystemError, ValueError) as error:
-        raise InputError(
-            f"{path} is no YAML that OpenCV reads ({brief(str(error))}): write it by cv2.FileStorage, or as JSON."
-        ) from error
-
-
-def _plain(node: Any, cv2: Any) -> Any:
-    """A node of OpenCV's files as Python's own values."""
-    if node.isMap():
-        return {name: _plain(node.getNode(name), cv2) for name in node.keys()}  # noqa: SIM118  # it is no mapping
-    if node.isSeq():
-        return [_plain(node.at(place), cv2) for place in range(node.size())]
-    if node.isInt():
-        return int(node.real())
-    if node.isReal():
-        return node.real()
-    return node.string() if node.isString() else None
+        # OpenCV's first line is of no version of YAML.
+        body = text.partition("\n")[2] if text.startswith("%YAML:") else text
+        # Of several documents, as programs that go on writing make them, the first.
+        return next(yaml.load_all(body, Loader), None)  # a safe loader
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no YAML ({brief(str(error))}): mend it, or export it again.") from error

@@ -7,7 +7,6 @@ from pathlib import Path
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.calibrations import Calibrated, read_calibration
 from persfs_cl.io.colmap import read_colmap_cameras, unknown_model
-from persfs_cl.wording import keyword
 
 
 def read_camera(path: Path) -> Calibrated:
@@ -22,7 +21,7 @@ def read_camera(path: Path) -> Calibrated:
         return read_calibration(path)
     cameras = list(read_colmap_cameras(path).values())
     if len(cameras) > 1:
-        raise InputError(f"{path} has {len(cameras)} cameras: leave the line of one, or give {keyword('cameras')}.")
+        raise InputError(f"{path} has {len(cameras)} cameras: leave the line of one; a batch may have a table of all.")
     if cameras[0].camera is None:
         raise CameraError(unknown_model(path, cameras[0]))
     return cameras[0].camera

@@ -6,12 +6,12 @@ import csv
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from persfs_cl.camera import Camera, camera_from
-from persfs_cl.checks import as_number
+from persfs_cl.checks import as_number, finite_numbers
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.calibrations import Calibrated
 from persfs_cl.io.colmap import read_colmap_cameras, read_colmap_images, unknown_model
@@ -19,6 +19,7 @@ from persfs_cl.io.files import FilePath, as_path, read_bytes, read_lines
 from persfs_cl.lens import Distortion, Fisheye, as_distortion
 from persfs_cl.pipeline.listing import Input
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.wording import brief
 
 _PATH = "path"
 _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -183,15 +184,24 @@ def _choice(row: Mapping[str, Any]) -> CameraChoice:
 
 def _distortion(given: dict[str, Any]) -> Distortion | None:
     """What a row says of the lens, taken out of it."""
-    fisheye = bool(as_number("fisheye", float(given.pop("fisheye", 0)), least=0.0, most=1.0, error=CameraError))
-    named = {name: float(given.pop(name)) for name in _COEFFICIENTS if name in given}
+    fisheye = given.pop("fisheye", False)
+    if fisheye not in (0, 1):
+        raise InputError(f"it has {brief(fisheye)} for fisheye: give 1, or leave it out.")
+    named = {
+        name: as_number(name, given.pop(name), what="a coefficient", error=CameraError)
+        for name in _COEFFICIENTS
+        if name in given
+    }
     listed = given.pop("distortion", None)
     if listed is not None and named:
         raise InputError(f"it has a distortion and {next(iter(named))}: give the coefficients once.")
     if fisheye and any(name.startswith("p") or name in ("k5", "k6") for name in named):
         raise InputError(f"a fisheye has k1, k2, k3 and k4, and it has {', '.join(named)}: leave the others out.")
     if fisheye:
-        return Fisheye(*(listed or ()), **named)
+        numbers = () if listed is None else finite_numbers(listed)
+        if numbers is None or len(numbers) > len(fields(Fisheye)):
+            raise InputError(f"it has {brief(listed)} for the distortion of a fisheye: give k1, k2, k3 and k4.")
+        return Fisheye(*numbers, **named)
     if named:
         last = max(_COEFFICIENTS.index(name) for name in named)
         # As many as OpenCV takes: 4, 5 or 8.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera, camera_from
+from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.reduced import Reduced, reduced_shape
@@ -64,14 +64,28 @@ def in_depth(points: Array, depth: Path, shape: tuple[int, int]) -> Array | None
     -------
     ndarray of float64, shape (n, 3), or None
         NaN for places that the depth map does not see. None where it has the photo's own pixels, or nothing tells.
+
+    Warns
+    -----
+    UserWarning
+        When there is such a file, and it cannot be used.
     """
     path = depth.with_name(CAMERA)
-    # Another file may have this name.
-    with suppress(InputError, CameraError, ValueError, KeyError, TypeError, RecursionError):
+    if not path.exists():
+        return None
+    try:
         content = json.loads(read_bytes(path))
-        straight, taken = camera_of(path, content), camera_of(path, content["photo"])
-        if straight.size != shape or taken.size is None or straight == taken:
+        # Another program's file may have this name.
+        if not isinstance(content, dict) or "photo" not in content:
             return None
-        places = camera_from(path, taken).places(points[:, :2], taken.size)
-        return np.column_stack([camera_from(path, straight).pixels(places, shape), points[:, 2:]])
-    return None
+        straight, taken = camera_of(path, content), camera_of(path, content["photo"])
+    except (InputError, CameraError, ValueError, RecursionError) as error:
+        warn(f"{path} cannot be used ({error}): points are taken to be in the pixels of {depth}.")
+        return None
+    if straight.size != shape or taken.size is None:
+        warn(f"{path} is of another depth map than {depth}: points are taken to be in the pixels of this.")
+        return None
+    if straight == taken:
+        return None
+    places = camera_from(path, taken).places(points[:, :2], taken.size)
+    return np.column_stack([camera_from(path, straight).pixels(places, shape), points[:, 2:]])

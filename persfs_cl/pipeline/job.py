@@ -215,7 +215,12 @@ def read_job(job: Job) -> JobInputs:
     elif job.mask == "auto":
         with _naming(job.title):
             inside = silhouette(photo.image, mask=opaque & np.isfinite(photo.image))
-    inside = eroded(inside, job.mask_erode)
+    whole = opaque & inside
+    if job.mask_erode and whole.all():
+        raise InputError.about(
+            "mask_erode", job.mask_erode, f"has no outline to go by: give {keyword('mask')}, or leave it out."
+        ).at(job.title)
+    wanted = eroded(whole, job.mask_erode)
     walls = None if job.walls is None else read_mask(job.walls, shape, orientation=turned)
     depths = None if job.known_depth is None else read_depth(job.known_depth, shape, orientation=turned)
     shares: Array | Literal["fit"] | None = None
@@ -232,9 +237,11 @@ def read_job(job: Job) -> JobInputs:
     preparation = job.brightness.preparation(shape, orientation=turned)
     camera, source = job.camera.of(job.path, shape)
     guide = None if job.guide is None else job.guide.read(job.path, camera, shape, orientation=turned)
-    inputs = JobInputs(job, photo, preparation, camera, source, opaque & inside, walls, depths, shares, within, guide)
+    inputs = JobInputs(job, photo, preparation, camera, source, wanted, walls, depths, shares, within, guide)
     if not inputs.lit.any():
         left_out = {"transparent": ~opaque, f"outside {job.mask}": ~inside}
+        if job.mask_erode:
+            left_out[f"within {job.mask_erode} pixels of the outline"] = whole & ~wanted
         if walls is not None:
             left_out[f"in {job.walls}"] = walls
         raise InputError(_why_empty(left_out)).at(job.title)

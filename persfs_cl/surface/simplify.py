@@ -309,6 +309,8 @@ def _decimated(
     """The surface, after the edges of surface and skirt were collapsed whose collapse moves them least."""
     import fast_simplification
 
+    if target >= len(faces) + len(hanging):
+        return points, faces
     with _decimating:
         simpler, simpler_faces, collapses = fast_simplification.simplify(
             np.concatenate([points, below]),

@@ -86,9 +86,17 @@ def write_files(
 
     meshes, data = of_kind("mesh", "solid"), of_kind("data")
 
+    lost: dict[str, InputError] = {}
+
     def write_meshes() -> None:
-        for make in meshes.values():
-            make()
+        for file, make in meshes.items():
+            try:
+                make()
+            except InputError as error:
+                # A surface may have none, or not of that size; a full disk has room for no other file either.
+                if isinstance(error.__cause__, OSError):
+                    raise
+                lost[file] = error
 
     with Jobs(threads) as jobs:
         # It takes longest, so that it is begun first.
@@ -100,7 +108,14 @@ def write_files(
         derived.release()
         if last is not None:
             last()
-    return [*data, *pictures, *meshes]
+    written = [*data, *pictures, *(file for file in meshes if file not in lost)]
+    if lost and not written:
+        raise next(iter(lost.values()))
+    if not makers and all(one.write is not None for one in wanted):
+        raise InputError(f"There is no {' and no '.join(saving.files)} of this surface: give other items to save.")
+    for file, error in lost.items():
+        warn(f"{file} could not be made: {error} All other files are complete without it.")
+    return written
 
 
 def write_file(target: Path, kind: Format, source: Source) -> None:

@@ -176,7 +176,7 @@ def test_a_guide_that_says_nothing_of_the_view_is_refused() -> None:
 
 
 def test_a_lens_that_shows_nothing_is_refused() -> None:
-    with pytest.raises(CameraError, match="leaves nothing"):
+    with pytest.raises(CameraError, match="leaves 0 %"):
         Straightened(ps.Camera(1.0, (500.0, 500.0), ps.Fisheye(9.0)), (8, 8))
 
 

@@ -145,9 +145,9 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
             ps.Camera.from_file(tmp_path / name)
 
 
-def test_yaml_without_opencv_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_yaml_without_its_reader_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.yaml").write_text(ROS, "utf-8")
     hidden: Any = None
-    monkeypatch.setitem(sys.modules, "cv2", hidden)
-    with pytest.raises(CameraError, match=r"is YAML, which OpenCV reads.*pip install 'persfs-cl\[lens\]'"):
+    monkeypatch.setitem(sys.modules, "yaml", hidden)
+    with pytest.raises(CameraError, match=r"is YAML, which PyYAML reads.*pip install 'persfs-cl\[lens\]'"):
         ps.Camera.from_file(tmp_path / "a.yaml")

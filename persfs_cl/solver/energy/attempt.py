@@ -129,6 +129,10 @@ def prior_of(fitted: Fitted) -> Prior:
     # Beyond it the energy is of the guide alone, whose bends no shading softens.
     noise = max(math.hypot(fitted.noise, fitted.distortion), _LEAST_OF_RELIEF * relief, _LEAST)
     tolerance = np.sqrt(noise**2 + (slope_of(middle) * cells.spacing) ** 2 / 12.0)
+    if cells.are_points:
+        # Nothing is known of what lies between them but how they differ from each other.
+        _, distance = cells.nearest(cells.values)
+        tolerance = np.hypot(tolerance, cells.differing * distance / cells.spacing)
     # What no cell reaches is left to the photograph.
     nowhere = ~cells.reached(~np.isnan(cells.values))
     middle[nowhere] = tolerance[nowhere] = np.nan
