@@ -67,6 +67,12 @@ def test_impossible_coefficients_are_refused(given: Any) -> None:
         Camera(100.0, distortion=given)
 
 
+@pytest.mark.parametrize("shape", [(1, 5), (5, 1), (5,)])
+def test_coefficients_as_opencv_returns_them(shape: tuple[int, ...]) -> None:
+    given: Any = np.full(shape, 0.1)
+    assert Camera(100.0, distortion=given).distortion == (0.1,) * 5
+
+
 def test_no_distortion_at_all_is_a_pinhole() -> None:
     assert Camera(100.0, distortion=(0.0,) * 5) == Camera(100.0)
     assert as_distortion([0, 0, 0, 0]) is None

@@ -200,7 +200,10 @@ def _from_yaml(path: Path) -> Any:
     class Loader(yaml.SafeLoader):
         """Knows OpenCV's matrices, which are mappings."""
 
-    Loader.add_constructor(_MATRIX_TAG, lambda loader, node: loader.construct_mapping(node, deep=True))
+        def matrix(self, node: Any) -> Any:
+            return self.construct_mapping(node, deep=True)
+
+    Loader.add_constructor(_MATRIX_TAG, Loader.matrix)
     data = read_bytes(path)
     try:
         text = data.decode("utf-8-sig")

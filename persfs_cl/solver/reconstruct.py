@@ -283,6 +283,7 @@ def reconstruct_batch(
     chosen = time.perf_counter() - began
     # All before any is solved: a bad image must not be found only after others.
     found: dict[int, Given] = {}
+    taken_by: dict[int, tuple[Camera, tuple[int, int]]] = {}
     seconds = []
     for number, image in enumerate(given):
         began = time.perf_counter()
@@ -290,7 +291,9 @@ def reconstruct_batch(
             own = {"image": image, **{name: entries[number] for name, entries in lists.items()}}
             camera = own["camera"]
             if isinstance(camera, Camera) and camera.distortion is not None:
+                height, width = np.shape(image)
                 own = straighten(**own)
+                taken_by[number] = camera, (height, width)
             found[number] = check(**own, options=settings, whole=False)
         seconds.append(time.perf_counter() - began + chosen / count)
 
@@ -309,7 +312,7 @@ def reconstruct_batch(
     try:
         for number, solution in solve_in_pieces(device, together, ready, settings, watch):
             elapsed = replace(solution.elapsed, total=solution.elapsed.total + seconds[number])
-            solutions[number] = replace(solution, elapsed=elapsed)
+            solutions[number] = replace(solution, elapsed=elapsed, taken_by=taken_by.get(number))
     except InputError as error:
         # One made ready in vain has its name already.
         raise (error if error.place is None or count == 1 else error.at(f"images[{error.place}]")) from None

@@ -16,10 +16,12 @@ from persfs_cl._cl.device import Device, devices
 from persfs_cl._cl.selection import select_device
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
+from persfs_cl.checks import finite_numbers
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.io.npy import read_npy, read_npz
+from persfs_cl.lens import Fisheye
 from persfs_cl.shading.stated import light_from, reflectance_from
 from persfs_cl.surface.formats.records import ARRAYS, MASKS, REPORT, fingerprint
 from persfs_cl.surface.geometry import Discontinuities, depth_array
@@ -27,7 +29,7 @@ from persfs_cl.surface.outcome import Elapsed, Status
 from persfs_cl.surface.solution import Solution
 
 _DEPTH = "depth.npy"
-_STATED_ELSEWHERE = ("camera", "focal_length", "principal_point", "light", "reflectance")
+_STATED_ELSEWHERE = ("camera", "focal_length", "principal_point", "taken_by", "light", "reflectance")
 """What a report has among the parameters, and a solution has not."""
 
 
@@ -90,6 +92,7 @@ def load(directory: FilePath, *, device: int | str | Device | None = None) -> So
         **{name: arrays.mask(name) for name in MASKS},
         image=arrays.map("image"),
         camera=report.camera,
+        taken_by=report.taken_by,
         light=report.made("light", light_from),
         reflectance=report.made("reflectance", reflectance_from),
         device=report.device if device is None else select_device(device),
@@ -238,9 +241,25 @@ class _Report:
 
     @property
     def camera(self) -> Camera:
-        given = self._get("camera", dict, self._parameters)
+        return self._camera(self._parameters)
+
+    @property
+    def taken_by(self) -> tuple[Camera, tuple[int, int]] | None:
+        """Camera and (height, width) of the photograph, where its pixels are others."""
+        if self._parameters.get("taken_by") is None:
+            return None
+        said = self._get("taken_by", dict, self._parameters)
+        sizes = finite_numbers(said.get("shape"))
+        if sizes is None or len(sizes) != 2:
+            raise InputError(f"{self.path} has no shape of the photograph: save the solution again.")
+        return self._camera(said), (int(sizes[0]), int(sizes[1]))
+
+    def _camera(self, within: Mapping[str, Any]) -> Camera:
+        given = self._get("camera", dict, within)
+        lens = given.get("distortion")
         try:
-            return Camera(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
+            said = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+            return Camera(**(said | {"distortion": Fisheye(**lens)} if isinstance(lens, dict) else said))
         except (TypeError, CameraError) as error:
             raise InputError(f"{self.path} has an impossible camera ({error}): save the solution again.") from error
 

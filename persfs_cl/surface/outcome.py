@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from persfs_cl.arrays import Array
+from persfs_cl.camera import Camera
 from persfs_cl.guide.fit import GuideFit
 from persfs_cl.surface.solved import SolvedSurface
 
@@ -72,6 +73,7 @@ class Outcome(SolvedSurface):
     elapsed : Elapsed
     parameters : mapping
     guide : GuideFit or None
+    taken_by : (Camera, (int, int)) or None
     """
 
     iterations: int
@@ -81,3 +83,4 @@ class Outcome(SolvedSurface):
     elapsed: Elapsed
     parameters: Mapping[str, Any]
     guide: GuideFit | None = None
+    taken_by: tuple[Camera, tuple[int, int]] | None = None

@@ -55,6 +55,9 @@ class Solution(Outcome):
     guide : GuideFit or None
         What became of the guide, see :class:`GuideFit <persfs_cl.guide.fit.GuideFit>`; None without one, and where the
         run was ended before it was used. Then `iterations` and `changes` are of all runs, `distance` of the last.
+    taken_by : (Camera, (int, int)) or None
+        Camera and (height, width) of the image that was given, where its lens bends lines; None where the solution has
+        its pixels.
 
     Examples
     --------

@@ -253,3 +253,26 @@ def test_level_ground_wants_an_oblique_light(bent: Path) -> None:
 def test_vignetting_by_a_law_follows_the_rays_of_the_lens() -> None:
     x, y = places(BENT, SHAPE)
     np.testing.assert_allclose(cosine_vignetting(BENT, SHAPE, 4.0), (1.0 + x**2 + y**2) ** -2.0, rtol=1e-6)
+
+
+def test_erosion_wants_an_outline_and_says_what_it_took(bent: Path) -> None:
+    common = ("reconstruct", bent, "-o", bent.parent / "out", "--fov", "40", "--save", "depth")
+    outcome = run(*common, "--mask-erode", "3")
+    assert outcome.status == 1
+    assert "--mask-erode 3 has no outline to go by: give --mask" in outcome.stderr
+    outcome = run(*common, "--mask", bent.parent / "mask.npy", "--mask-erode", "90")
+    assert outcome.status == 1
+    assert "within 90 pixels of the outline" in outcome.stderr
+
+
+@pytest.mark.filterwarnings("default")
+def test_files_that_there_are_not_of_a_surface(bent: Path) -> None:
+    common = ("reconstruct", bent, "-o", bent.parent / "out", "--light", "flash", "--fov", "40")
+    outcome = run(*common, "--save", "guide.png")
+    assert outcome.status == 1
+    assert "There is no guide.png of this surface" in outcome.stderr
+    outcome = run(*common, "--save", "depth,solid", "--width", "1e-9")
+    assert outcome.status == 0
+    assert "solid.stl could not be made" in outcome.stderr
+    assert (bent.parent / "out" / "depth.npy").exists()
+    assert not (bent.parent / "out" / "solid.stl").exists()

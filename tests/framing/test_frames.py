@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.maps import Maps
 from persfs_cl.framing.reduced import Reduced, reduced_shape
 from persfs_cl.framing.straightened import Straightened
+from persfs_cl.pipeline.frames import in_depth
 
 SHAPE = (96, 128)
 BARREL = ps.Camera(150.0, distortion=(-0.25, 0.06, 0.002, -0.001))
@@ -207,3 +209,43 @@ def test_a_reduced_camera_sees_the_same_view() -> None:
     new = np.array([[-0.5, -0.5], [31.5, 23.5]])
     np.testing.assert_allclose(frame.camera.places(new, (24, 32)), camera.places(corners, SHAPE), rtol=1e-12)
     np.testing.assert_allclose(frame.placed(corners), new, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("camera", [BARREL, LENSES[-1]], ids=["opencv", "fisheye"])
+def test_what_took_the_image_is_saved_with_the_surface(camera: ps.Camera, tmp_path: Path) -> None:
+    solution = ps.reconstruct(flashed(camera, SHAPE), camera, light=ps.FlashLight())
+    assert solution.taken_by == (camera, SHAPE)
+    solution.save(tmp_path, save="depth,solution")
+    assert ps.load(tmp_path).taken_by == (camera, SHAPE)
+    points = np.array([[64.0, 48.0, 1.0], [20.0, 30.0, 1.0]])
+    height, width = solution.depth.shape
+    moved = in_depth(points, tmp_path / "depth.npy", (height, width))
+    assert moved is not None
+    np.testing.assert_allclose(moved[:, :2], Straightened(camera, SHAPE).placed(points[:, :2]), rtol=0, atol=1e-9)
+    (tmp_path / "camera.json").write_text("[")
+    with pytest.warns(UserWarning, match=r"camera\.json cannot be used .*points are taken to be in the pixels of"):
+        assert in_depth(points, tmp_path / "depth.npy", (height, width)) is None
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        ps.Camera(60.0, distortion=(1e5, 0.0, 0.0, 0.0)),
+        ps.Camera(60.0, distortion=(0.0, 0.0, 1e5, 1e5)),
+        ps.Camera(60.0, distortion=ps.Fisheye(-1e6)),
+        ps.Camera(4.2, distortion=ps.Fisheye()),
+    ],
+)
+def test_absurd_lenses_are_refused(camera: ps.Camera) -> None:
+    with pytest.raises(CameraError, match=r"leaves .* % of an image of 60 × 40 pixels.*not in millimetres"):
+        Straightened(camera, (40, 60))
+
+
+def test_a_lens_that_keeps_little_is_told_of() -> None:
+    with pytest.warns(UserWarning, match="the distortion of the lens leaves 4"):
+        Straightened(ps.Camera(30.0, distortion=ps.Fisheye()), (100, 100))
+
+
+def test_half_precision_is_straightened() -> None:
+    straight, _ = ps.undistort(np.ones(SHAPE, np.float16), BARREL)
+    assert np.nanmin(straight) == pytest.approx(1.0)

@@ -40,6 +40,17 @@ KALIBR = """cam0:
   intrinsics: [590.0, 588.0, 320.0, 240.0]
   resolution: [640, 480]
 """
+BLOCKS = """cam0:
+  T_cam_imu:
+  - [1.0, 0.0, 0.0, 0.0]
+  - [0.0, 1.0, 0.0, 0.0]
+  intrinsics:
+  - 590.0
+  - 588.0
+  - 320.0
+  - 240.0
+  distortion_coeffs: [0.1, 0.2, 0.0, 0.0]
+"""
 
 
 @pytest.mark.parametrize("suffix", ["yaml", "yml", "json"])
@@ -60,6 +71,8 @@ def test_what_opencv_writes(tmp_path: Path, suffix: str) -> None:
     [
         ("ros.yaml", ROS, CAMERA),
         ("ros.yml", "---\n" + ROS, CAMERA),
+        ("blocks.yaml", BLOCKS, ps.Camera((590.0, 588.0), (320.0, 240.0), (0.1, 0.2, 0.0, 0.0))),
+        ("echo.yaml", "---\n" + ROS + "---\n", CAMERA),
         ("kalibr.yaml", KALIBR, ps.Camera((590.0, 588.0), (320.0, 240.0), ps.Fisheye(0.1, 0.02, 0.003, 0.0004))),
         ("k.json", json.dumps({"K": MATRIX, "D": LENS, "width": 640, "height": 480}), CAMERA),
         (
@@ -124,6 +137,17 @@ def test_cameras_of_colmap(tmp_path: Path, line: str, camera: ps.Camera) -> None
         ("a.json", '{"K": [5, 5, 1, 1], "D": [1], "fisheye_model": true}', CameraError, "impossible for a fisheye"),
         ("a.json", '{"K": [5, 5, 1, 1], "model": "omni"}', CameraError, "has the lens model 'omni'"),
         ("a.json", '{"K": [5, 5, 1, 1], "width": 0.5, "height": 4}', InputError, "has 0.5 for image_width"),
+        ("a.json", '{"K": [5, 5, 1, 1], "width": NaN, "height": 4}', InputError, "has nan for image_width"),
+        ("a.json", '{"intrinsic_matrix": 5}', InputError, "has 5 in camera_matrix|has None in camera_matrix"),
+        ("a.json", '{"intrinsic_matrix": []}', InputError, "has 0 numbers"),
+        ("a.json", '{"K": [5, 5, 1, 1' + "0" * 400 + "]}", InputError, "in camera_matrix: give finite numbers"),
+        ("a.json", '{"cam0": {"K": [1]}, "cam1": {"K": [1]}}', InputError, "has 2 cameras: leave the one"),
+        (
+            "a.json",
+            '{"K": [5, 5, 1, 1], "camera_model": "omni", "distortion_model": "radtan"}',
+            CameraError,
+            "has the lens model 'omni'",
+        ),
         ("a.json", '{"K": [5, 5, 1, 1], "width": 5}', InputError, "has None for image_height"),
         ("a.yaml", "a: [1, 2\n b", InputError, r"a\.yaml"),
         ("a.yaml", "text", InputError, r"a\.yaml"),

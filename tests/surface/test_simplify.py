@@ -230,3 +230,10 @@ def test_a_jagged_outline_gives_way_where_few_triangles_are_wanted() -> None:
     mesh = simplified_mesh(steep, CAMERA, 200)
     assert 100 <= len(mesh.faces) <= 200
     assert facing(mesh).all()
+
+
+def test_a_mesh_with_some_triangles_too_many_is_simplified() -> None:
+    scene = ps.bump((60, 60), light=ps.FlashLight())
+    solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
+    for most in range(2500, 7000, 300):
+        assert 0.5 * most < len(solution.mesh(mesh_faces=most).faces) <= most

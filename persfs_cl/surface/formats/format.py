@@ -77,7 +77,8 @@ class Source:
         taken: Taken | None = None,
     ) -> None:
         self.solution, self.derived, self.report = solution, derived, report
-        self.mesh_faces, self.block, self.taken = mesh_faces, block, taken
+        self.mesh_faces, self.block = mesh_faces, block
+        self.taken = taken or (None if solution.taken_by is None else Taken(*solution.taken_by))
         self._colour = colour
 
     @property

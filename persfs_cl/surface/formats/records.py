@@ -64,6 +64,9 @@ def report_of(solution: Outcome, derived: Derived) -> dict[str, Any]:
             "camera": asdict(solution.camera),
             "focal_length": [solution.camera.fx, solution.camera.fy],
             "principal_point": list(solution.camera.centre((height, width))),
+            "taken_by": None
+            if solution.taken_by is None
+            else {"camera": asdict(solution.taken_by[0]), "shape": list(solution.taken_by[1])},
             "light": stated(solution.light),
             "reflectance": stated(solution.reflectance),
             **solution.parameters,
