@@ -12,6 +12,7 @@ from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
+from persfs_cl.cli.memory import keep_freed_memory
 from persfs_cl.cli.options import (
     AlbedoOrFitOption,
     FarOption,
@@ -144,6 +145,7 @@ def reconstruct(
         size=size,
     )
     check_folder(output, overwrite=overwrite)
+    keep_freed_memory()
     line = progress_line(keywords["tolerance"], keywords["max_iterations"], keywords["stopping"])
     with stop_on_interrupt() as interrupted, line as show:
 
