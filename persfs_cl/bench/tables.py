@@ -447,5 +447,6 @@ _TABLES: dict[str, tuple[str, Callable[[Records], str]]] = {
     "painted": ("painted", _priors),
     "energy": ("energy", _energy),
     "folder": ("folder", _folder),
+    "photograph": ("photograph", _tasks),
 }
 """By the name of the marker: the experiment whose records a table shows, and what makes it of them."""
