@@ -30,16 +30,16 @@ _PHOTOS = {"PNG": ("png", 0.0), "JPEG, with noise": ("jpg", 0.01)}
 def photograph(plan: Plan) -> Iterator[list[Record]]:
     """Time, processor time and memory of `persfs-cl reconstruct` for a bump under a flash, with warm kernel caches."""
     size = plan.size(SIZE)
-    for name, (suffix, noise) in _PHOTOS.items():
+    for kind, (suffix, noise) in _PHOTOS.items():
         common: dict[str, Any] = {
             "experiment": "photograph",
-            "workload": f"{name}, {size}²",
+            "workload": f"{kind}, {size}²",
             "size": size,
             "images": 1,
             "precision": plan.precision,
         }
         if not hasattr(os, "wait4"):
-            yield [skip("photograph", name, ELAPSED, "s", size, plan.precision, "this system has no wait4")]
+            yield [skip("photograph", kind, ELAPSED, "s", size, plan.precision, "this system has no wait4")]
             continue
         with tempfile.TemporaryDirectory(prefix="persfs-cl-") as place:
             photo, output = Path(place) / f"photo.{suffix}", Path(place) / "output"
@@ -54,10 +54,8 @@ def photograph(plan: Plan) -> Iterator[list[Record]]:
         }
         units = {ELAPSED: "s", PROCESSOR: "s", PEAK: "MiB"}
         yield [
-            Record.of(
-                [one[quantity] for one in found], quantity=quantity, unit=unit, detail=details[quantity], **common
-            )
-            for quantity, unit in units.items()
+            Record.of([one[name] for one in found], quantity=name, unit=unit, detail=details[name], **common)
+            for name, unit in units.items()
         ]
 
 
