@@ -298,9 +298,10 @@ def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> 
     if channel == "max" and alike:
         # Brighter light is a larger number, so the largest sample may be chosen before it is decoded.
         channels, weights = [largest], (1.0,)
-    image = np.zeros(samples.shape[:2])
+    height, width = samples.shape[:2]
+    image = np.zeros((height, width))
     combine = np.maximum if channel == "max" else np.add
-    for rows in row_blocks((image.shape[0], image.shape[1])):
+    for rows in row_blocks((height, width)):
         for index, (weight, values) in enumerate(zip(weights, channels, strict=True)):
             combine(image[rows], weight * linear(values[rows], index), out=image[rows])
     if alike and (space.to_srgb is None or count == 1):

@@ -285,7 +285,7 @@ def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
         sizes = np.abs(values[rows])
         np.copyto(sizes, 0.0, where=~inside[rows])
         if not (most := float(sizes.max())) <= _LARGEST:
-            bad += np.count_nonzero(~np.isfinite(sizes))
+            bad += int(np.count_nonzero(~np.isfinite(sizes)))
         largest = max(largest, most)
     if bad:
         raise unlike("image", image, f"has {bad} NaN or infinite pixels: mask them out, or replace them.")

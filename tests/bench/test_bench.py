@@ -23,6 +23,7 @@ from persfs_cl.bench.baselines import Baseline
 from persfs_cl.bench.calls import FAST_MARCHING
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
+from persfs_cl.bench.photograph import photograph
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
@@ -309,7 +310,7 @@ def test_experiments_in_processes_of_their_own(device: ps.Device) -> None:
     (sizes,) = experiments.memory(plan)
     by_quantity = {record.quantity: record.median or 0.0 for record in sizes}
     assert by_quantity["peak memory"] >= by_quantity["before the image"] > 10
-    for whole in experiments.photograph(plan):
+    for whole in photograph(plan):
         assert [record.quantity for record in whole] == ["from start to end", "processor time", "peak memory"]
         seconds, processor, peak = (record.median or 0.0 for record in whole)
         assert (seconds > 0.1, processor > 0.1, peak > 50) == (True, True, True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual.color import ColorVisuals
 
 from persfs_cl.io.clouds import read_cloud, write_triangles
 
@@ -25,4 +26,5 @@ def test_triangles_are_what_was_written(faces: np.ndarray, colours: np.ndarray |
         mesh = trimesh.load_mesh(path, process=False)
         np.testing.assert_array_equal(mesh.faces, faces)
         if colours is not None:
+            assert isinstance(mesh.visual, ColorVisuals)
             np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], colours)
