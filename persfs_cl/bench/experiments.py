@@ -30,6 +30,7 @@ from persfs_cl.bench.guided import guided
 from persfs_cl.bench.masked import masked
 from persfs_cl.bench.outline import outline
 from persfs_cl.bench.painted import painted
+from persfs_cl.bench.photograph import photograph
 from persfs_cl.bench.plan import SCHEMES, Plan
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT, available, measured, numpy_baseline, skip
 from persfs_cl.bench.results import Record
@@ -224,6 +225,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "painted": painted,
     "energy": energy,
     "folder": folder,
+    "photograph": photograph,
     "compilation": compilation,
     "memory": memory,
     "tasks": tasks,

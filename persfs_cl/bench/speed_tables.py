@@ -207,4 +207,5 @@ SPEED_TABLES: Tables = {
     "memory": ("memory", _memory),
     "tasks": ("tasks", _tasks),
     "folder": ("folder", _folder),
+    "photograph": ("photograph", _tasks),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from threading import Thread
 from typing import Annotated
 
 import typer
@@ -12,6 +13,7 @@ from persfs_cl.cli.brightness import chosen_brightness
 from persfs_cl.cli.choosers import takes
 from persfs_cl.cli.config import configurable
 from persfs_cl.cli.interrupts import stop_on_interrupt
+from persfs_cl.cli.memory import keep_freed_memory
 from persfs_cl.cli.options import (
     AlbedoOrFitOption,
     FarOption,
@@ -45,7 +47,7 @@ from persfs_cl.cli.output import (
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.pipeline.brightness import Brightness
-from persfs_cl.pipeline.job import Job, solve_photo
+from persfs_cl.pipeline.job import Job, prepare, read_job, solve
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
@@ -53,6 +55,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
+from persfs_cl.surface.writing import load_libraries
 
 _REGION = "Region and known values"
 
@@ -144,6 +147,7 @@ def reconstruct(
         size=size,
     )
     check_folder(output, overwrite=overwrite)
+    keep_freed_memory()
     line = progress_line(keywords["tolerance"], keywords["max_iterations"], keywords["stopping"])
     with stop_on_interrupt() as interrupted, line as show:
 
@@ -151,7 +155,10 @@ def reconstruct(
             show(iteration, change)
             return interrupted()
 
-        result = solve_photo(job, after_iteration)
+        inputs = read_job(job)
+        if threads_for(inputs.photo.image.size) > 1:
+            Thread(target=load_libraries, args=(saving,)).start()
+        result = solve(prepare(inputs), after_iteration)
         stopped = interrupted()
     try:
         with writing():

@@ -1,8 +1,10 @@
-"""Clouds of points in PLY files: read by trimesh, and written with normals, which it leaves out."""
+"""PLY files: clouds of points, read by trimesh, and written with normals, which it leaves out; and triangles."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,17 +58,61 @@ def write_cloud(path: FilePath, points: Array, normals: Array, colours: NDArray[
     InputError
         When the file cannot be written.
     """
-    table = np.empty(len(points), [(name, f"<{kind}") for name, kind in _PROPERTIES.items()])
     columns = (column for values in (points, normals, colours) for column in values.T)
-    for name, column in zip(_PROPERTIES, columns, strict=True):
+    _write(path, _table(dict(zip(_PROPERTIES, columns, strict=True))))
+
+
+def write_triangles(
+    path: FilePath, vertices: Array, faces: NDArray[np.integer[Any]], colours: NDArray[np.uint8] | None
+) -> None:
+    """Write triangles, in the binary form, with coordinates in single precision.
+
+    Parameters
+    ----------
+    path : path
+    vertices : ndarray of float64, shape (vertices, 3)
+    faces : ndarray of int, shape (faces, 3)
+    colours : ndarray of uint8, shape (vertices, 3), or None
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    columns: dict[str, NDArray[Any]] = dict(zip("xyz", vertices.T, strict=True))
+    if colours is not None:
+        columns |= zip(("red", "green", "blue"), colours.T, strict=True)
+    corners = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+    corners["count"], corners["corners"] = 3, faces
+    _write(path, _table(columns), corners)
+
+
+def _table(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.void]:
+    """What is said of each point, by the names of it."""
+    count = len(next(iter(columns.values())))
+    table = np.empty(count, [(name, f"<{_PROPERTIES[name]}") for name in columns])
+    for name, column in columns.items():
         table[name] = column
+    return table
+
+
+def _write(path: FilePath, points: NDArray[np.void], faces: NDArray[np.void] | None = None) -> None:
     header = [
         "ply",
         "format binary_little_endian 1.0",
         "comment camera axes: x right, y down, z forward",
-        f"element vertex {len(table)}",
-        *(f"property {_TYPES[kind]} {name}" for name, kind in _PROPERTIES.items()),
-        "end_header",
+        f"element vertex {len(points)}",
+        *(f"property {_TYPES[_PROPERTIES[name]]} {name}" for name in points.dtype.names or ()),
     ]
+    if faces is not None:
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    text = "".join(f"{line}\n" for line in [*header, "end_header"])
     with atomic_path(path) as temporary:
-        temporary.write_bytes("".join(f"{line}\n" for line in header).encode("ascii") + table.tobytes())
+        _put(temporary, text, [table for table in (points, faces) if table is not None])
+
+
+def _put(path: Path, text: str, tables: Sequence[NDArray[np.void]]) -> None:
+    with path.open("wb") as file:
+        file.write(text.encode("ascii"))
+        for table in tables:
+            file.write(table.data)

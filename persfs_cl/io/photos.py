@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array
+from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_whole_number, check_choice, warn
 from persfs_cl.colour import ColourSpace, Three, to_display
 from persfs_cl.errors import InputError
@@ -297,10 +298,12 @@ def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> 
     if channel == "max" and alike:
         # Brighter light is a larger number, so the largest sample may be chosen before it is decoded.
         channels, weights = [largest], (1.0,)
-    image = np.zeros(samples.shape[:2])
-    for index, (weight, values) in enumerate(zip(weights, channels, strict=True)):
-        light = weight * linear(values, index)
-        image = np.maximum(image, light, out=image) if channel == "max" else np.add(image, light, out=image)
+    height, width = samples.shape[:2]
+    image = np.zeros((height, width))
+    combine = np.maximum if channel == "max" else np.add
+    for rows in row_blocks((height, width)):
+        for index, (weight, values) in enumerate(zip(weights, channels, strict=True)):
+            combine(image[rows], weight * linear(values[rows], index), out=image[rows])
     if alike and (space.to_srgb is None or count == 1):
         colour = to_display(linear(samples, 0)) if floating else to_display(tables[0])[samples]
     else:

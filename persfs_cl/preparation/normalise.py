@@ -280,10 +280,16 @@ def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
     inside = np.ones(values.shape, dtype=np.bool_) if mask is None else as_mask("mask", mask, values.shape)
     if not inside.any():
         raise unlike("mask", mask, "selects no pixel: give one that is True where the image is to be used.")
-    bad = np.count_nonzero(~np.isfinite(values[inside]))
+    bad, largest = 0, 0.0
+    for rows in row_blocks((values.shape[0], values.shape[1])):
+        sizes = np.abs(values[rows])
+        np.copyto(sizes, 0.0, where=~inside[rows])
+        if not (most := float(sizes.max())) <= _LARGEST:
+            bad += int(np.count_nonzero(~np.isfinite(sizes)))
+        largest = max(largest, most)
     if bad:
         raise unlike("image", image, f"has {bad} NaN or infinite pixels: mask them out, or replace them.")
-    if (largest := float(np.abs(values[inside]).max())) > _LARGEST:
+    if largest > _LARGEST:
         raise unlike("image", image, f"goes up to {largest:g}, of which sums overflow: divide it by its largest value.")
     return values, inside
 

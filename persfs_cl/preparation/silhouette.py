@@ -72,6 +72,8 @@ def silhouette(image: ArrayLike, *, mask: ArrayLike | None = None) -> Mask:
 
 def eroded(mask: Mask, pixels: int) -> Mask:
     """A mask less what lies within so many pixels of its outline; the edge of the image is none."""
+    if pixels == 0 or mask.all():
+        return mask
     from scipy.ndimage import distance_transform_edt  # slow to import
 
-    return mask if pixels == 0 or mask.all() else np.asarray(distance_transform_edt(mask) > pixels)
+    return np.asarray(distance_transform_edt(mask) > pixels)

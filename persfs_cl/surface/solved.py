@@ -22,11 +22,11 @@ from persfs_cl.errors import InputError
 from persfs_cl.quantiles import median
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.surface import geometry, triangulation
+from persfs_cl.surface import geometry
 from persfs_cl.surface import render as forward
 from persfs_cl.surface.confidence import Confidence, SlopeErrors, cosine_to_light
 from persfs_cl.surface.plots.maps import colour_normals
-from persfs_cl.surface.simplify import as_mesh_faces, simplified_mesh
+from persfs_cl.surface.simplify import as_mesh_faces, simplified_triangles
 from persfs_cl.surface.solid import Block, solid_mesh
 
 if TYPE_CHECKING:
@@ -146,12 +146,9 @@ class SolvedSurface:
         >>> len(solution.mesh(mesh_faces=100).faces) <= 100
         True
         """
+        given = self.shown if colour is None else colour
         most = as_mesh_faces(mesh_faces)
-        if colour is None:
-            colour = self.shown
-        if most is not None:
-            return simplified_mesh(self.depth, self.camera, most, colour, self.discontinuities)
-        return triangulation.mesh(self.depth, self.camera, colour, self.discontinuities)
+        return simplified_triangles(self.depth, self.camera, most, given, self.discontinuities).mesh()
 
     def solid(self, width: float = 100.0, base: float = 3.0, *, mesh_faces: int | None = None) -> trimesh.Trimesh:
         """A watertight solid to be printed, in millimetres: the surface as a relief on a plate.

@@ -13,6 +13,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.checks import as_array
 from persfs_cl.errors import InputError
 from persfs_cl.surface.geometry import Discontinuities, depth_array
+from persfs_cl.surface.triangles import Triangles
 
 if TYPE_CHECKING:
     import trimesh
@@ -49,8 +50,13 @@ def mesh(
         When ``depth`` is not a depth map (see `depth_array`) or holds no finite pixel, or when
         ``colour`` is not a uint8 image of the same size, or the discontinuities are not for that size.
     """
-    import trimesh
+    return mesh_triangles(depth, camera, colour, discontinuities).mesh()
 
+
+def mesh_triangles(
+    depth: ArrayLike, camera: Camera, colour: ArrayLike | None = None, discontinuities: Discontinuities | None = None
+) -> Triangles:
+    """What :func:`mesh` is made of."""
     z = depth_array(depth)
     finite = ~np.isnan(z)
     if not finite.any():
@@ -61,12 +67,8 @@ def mesh(
     vertices[:, 2] = z[finite]
     for axis, direction in enumerate((grid.x, grid.y)):
         np.multiply(vertices[:, 2], np.broadcast_to(direction, z.shape)[finite], out=vertices[:, axis])
-    return trimesh.Trimesh(
-        vertices=vertices,
-        faces=_faces(finite, discontinuities),
-        vertex_colors=None if colour is None else rgb(colour, finite.shape)[finite],
-        process=False,
-    )
+    colours = None if colour is None else rgb(colour, finite.shape)[finite]
+    return Triangles(vertices, _faces(finite, discontinuities), colours)
 
 
 def _faces(finite: Mask, discontinuities: Discontinuities | None) -> NDArray[np.int64]:

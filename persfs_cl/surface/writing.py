@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from persfs_cl.surface.formats import FORMATS
 from persfs_cl.surface.formats.format import Format, Kind, Source, Taken
 from persfs_cl.surface.jobs import Jobs
 from persfs_cl.surface.outcome import Outcome
+from persfs_cl.surface.plots.canvas import prepare_to_draw
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solved import Derived
 
@@ -116,6 +118,17 @@ def write_files(
     for file, error in lost.items():
         warn(f"{file} could not be made: {error} All other files are complete without it.")
     return written
+
+
+def load_libraries(saving: Saving) -> None:
+    """Import what files are made with, which takes long: for a thread, while there is no surface yet."""
+    kinds = {FORMATS[file].kind for file in saving.files}
+    # Whoever needs what is missing says so.
+    with suppress(Exception):
+        if "picture" in kinds:
+            prepare_to_draw()
+        if "mesh" in kinds and saving.mesh_faces is not None:
+            import fast_simplification  # noqa: F401  # slow
 
 
 def write_file(target: Path, kind: Format, source: Source) -> None:

@@ -23,6 +23,7 @@ from persfs_cl.bench.baselines import Baseline
 from persfs_cl.bench.calls import FAST_MARCHING
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
+from persfs_cl.bench.photograph import photograph
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
@@ -224,7 +225,7 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
     # Some are called by other tests: in processes of their own, and at the sizes that are claimed.
     whole_calls = ("calls", "flash", "masked")
     exact = ("distance", "noise", "reflectance", "ambiguity", "lamp", "calibration", "weno")
-    elsewhere = {"compilation", "memory", "tasks", *whole_calls, *exact}
+    elsewhere = {"compilation", "memory", "photograph", "tasks", *whole_calls, *exact}
     in_process = [name for name in EXPERIMENTS if name not in elsewhere]
     outcome = run("bench", *settings, *(part for name in in_process for part in ("--experiment", name)))
     assert outcome.status == 0
@@ -320,6 +321,11 @@ def test_experiments_in_processes_of_their_own(
     (sizes,) = experiments.memory(plan)
     by_quantity = {record.quantity: record.median or 0.0 for record in sizes}
     assert by_quantity["peak memory"] >= by_quantity["before the image"] > 10
+    for whole in photograph(plan):
+        assert [record.quantity for record in whole] == ["from start to end", "processor time", "peak memory"]
+        seconds, processor, peak = (record.median or 0.0 for record in whole)
+        assert (seconds > 0.1, processor > 0.1, peak > 50) == (True, True, True)
+        assert whole[0].detail.startswith("17 files, ")
 
 
 @pytest.mark.parametrize(

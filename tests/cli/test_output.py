@@ -68,7 +68,7 @@ def test_full_disk_leaves_nothing_behind(
     if existing:
         out.mkdir(parents=True)
         (out / "depth.npy").write_text("old")
-    monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
+    monkeypatch.setattr("persfs_cl.io.clouds._put", fail)  # after depth.npy and others
     if existing:  # pictures are files like the others
         monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")

@@ -17,7 +17,7 @@ from persfs_cl.surface.jobs import Jobs, threads_for
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
 from persfs_cl.surface.solved import Derived
-from persfs_cl.surface.writing import write_files
+from persfs_cl.surface.writing import load_libraries, write_files
 
 FILES = Saving.of("depth,normals.npy,mesh.ply,mesh.obj,normals.png,relief.png,convergence.png,report", mesh_faces=1000)
 """Each kind, and of the pictures three: all have a test of the same in tests/surface/test_plots.py."""
@@ -112,3 +112,17 @@ def test_one_thread_does_what_is_asked_for_when_it_is_asked_for() -> None:
         first()
     assert done == ["second", "first"]
     assert threads_for(1000) == 1
+
+
+def test_libraries_are_loaded_for_what_is_wanted_and_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def fail() -> None:
+        asked.append(1)
+        raise OSError("no such library")
+
+    monkeypatch.setattr("persfs_cl.surface.writing.prepare_to_draw", fail)
+    load_libraries(Saving.of("depth,mesh,report"))
+    assert not asked
+    load_libraries(Saving.of("depth,pictures"))
+    assert asked

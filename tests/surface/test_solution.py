@@ -233,7 +233,7 @@ def test_saving_to_a_folder_writes_all_or_nothing(
     def fail(*_arguments: object, **_keywords: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(trimesh.Trimesh, "export", fail)  # after depth.npy and others
+    monkeypatch.setattr("persfs_cl.io.clouds._put", fail)  # after depth.npy and others
     # Pictures are files like the others.
     monkeypatch.setattr("persfs_cl.surface.writing.draw_all", lambda *_arguments: [])
     folder = tmp_path / "above" / "folder"

@@ -16,8 +16,10 @@ from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.surface import triangulation
 from persfs_cl.surface.outcome import Outcome
+from persfs_cl.surface.simplify import simplified_triangles
 from persfs_cl.surface.solid import Block
 from persfs_cl.surface.solved import Derived
+from persfs_cl.surface.triangles import Triangles
 from persfs_cl.wording import keyword
 
 if TYPE_CHECKING:
@@ -94,9 +96,16 @@ class Source:
 
     # One thread makes everything that needs them.
     @cached_property
-    def mesh(self) -> trimesh.Trimesh:
+    def triangles(self) -> Triangles:
         """The surface, simplified if need be, with colours."""
-        return self.solution.mesh(self._colour, mesh_faces=self.mesh_faces)
+        surface = self.solution
+        colour = surface.shown if self._colour is None else self._colour
+        return simplified_triangles(surface.depth, surface.camera, self.mesh_faces, colour, surface.discontinuities)
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        """The same as a mesh."""
+        return self.triangles.mesh()
 
     @cached_property
     def solid(self) -> trimesh.Trimesh:

@@ -8,11 +8,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.io.clouds import write_cloud
+from persfs_cl.io.clouds import write_cloud, write_triangles
 from persfs_cl.io.files import atomic_path
 from persfs_cl.surface.formats.format import Format, Source
 
-_MEMORY, _OF_TEXTS = 750, 1300
+_OF_ARRAYS, _MEMORY, _OF_TEXTS = 500, 750, 1300
+
+
+def _ply(target: Path, source: Source) -> None:
+    mesh = source.triangles
+    write_triangles(target, mesh.vertices, mesh.faces, mesh.colours)
 
 
 def _mesh(target: Path, source: Source) -> None:
@@ -66,7 +71,7 @@ def _of_block(source: Source) -> dict[str, float | str]:
 
 CLOUDS = (Format("points.ply", _cloud, ("points",)),)
 MESHES = (
-    Format("mesh.ply", _mesh, ("mesh",), "mesh", alone=True, memory=_MEMORY),
+    Format("mesh.ply", _ply, ("mesh",), "mesh", alone=True, memory=_OF_ARRAYS),
     Format("mesh.obj", _mesh, (), "mesh", alone=True, memory=_OF_TEXTS),
     Format("mesh.stl", _mesh, (), "mesh", alone=True, memory=_MEMORY),
     Format("mesh.glb", _scene, (), "mesh", alone=True, memory=_MEMORY),

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
+from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.io.export import write_arrays, write_json
 from persfs_cl.lens import Fisheye
@@ -110,10 +111,14 @@ def _arrays(solution: Outcome) -> dict[str, NDArray[Any]]:
 
 def _single(values: Array) -> NDArray[Any]:
     """In single precision, far finer than any photograph, if it has such numbers."""
+    narrow = np.empty(values.shape, np.float32)
     with np.errstate(over="ignore", under="ignore"):
-        narrow = values.astype(np.float32)
-        off = np.abs(narrow - values) > 1e-6 * np.abs(values)
-    return values if off.any() else narrow
+        for rows in row_blocks((values.shape[0], values.shape[1])):
+            wide = values[rows]
+            narrow[rows] = wide
+            if (np.abs(narrow[rows] - wide) > 1e-6 * np.abs(wide)).any():
+                return values
+    return narrow
 
 
 def _write_report(target: Path, source: Source) -> None:

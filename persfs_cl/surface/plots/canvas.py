@@ -77,6 +77,17 @@ def load_matplotlib() -> ModuleType:
     return mpl
 
 
+def prepare_to_draw() -> None:
+    """Import Matplotlib and find its fonts, which the first picture would wait for."""
+    with _drawing, matplotlib_defaults():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(1.0, 1.0))
+        figure.text(0.0, 0.0, "0")
+        FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+
+
 @contextmanager
 def new_figure(path: FilePath, width: float = 10.0, height: float = 10.0) -> Iterator[Figure]:
     """An empty figure of a size in inches, which may be changed; it becomes the PNG file when the block has ended."""
