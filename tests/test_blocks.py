@@ -60,6 +60,12 @@ def test_neighbours_of_some_rows_are_those_of_all(seed: int, height: int, width:
         np.testing.assert_array_equal(getattr(some, side), getattr(all_of_them, side)[rows])
 
 
+# Each two of the light, the scheme and the ordering meet.
+@pytest.mark.quick_where(
+    holds=lambda given: (
+        isinstance(given["light"], ps.FlashLight) ^ (given["scheme"] == "upwind") ^ (given["ordering"] == "wavefront")
+    )
+)
 @pytest.mark.parametrize("light", [ps.ParallelLight(0.2, 0.1), ps.FlashLight()], ids=["parallel", "flash"])
 @pytest.mark.parametrize("scheme", ["lax-friedrichs", "upwind"])
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])

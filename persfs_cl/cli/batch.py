@@ -55,9 +55,10 @@ from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
+from persfs_cl.pipeline.remote_store import store_for
 from persfs_cl.pipeline.run import Again, Batch, BatchResult
 from persfs_cl.pipeline.shards import Shard, as_shard
-from persfs_cl.pipeline.store import FolderStore, store_for
+from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance

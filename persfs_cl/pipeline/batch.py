@@ -22,9 +22,10 @@ from persfs_cl.pipeline.listing import Listing, list_inputs
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
+from persfs_cl.pipeline.remote_store import store_for
 from persfs_cl.pipeline.run import Again, Batch, BatchResult
 from persfs_cl.pipeline.shards import Shard, as_shard
-from persfs_cl.pipeline.store import FolderStore, Store, store_for
+from persfs_cl.pipeline.store import FolderStore, Store
 from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.solver.options import Options, complete, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving

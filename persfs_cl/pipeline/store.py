@@ -1,14 +1,12 @@
-"""Where the results of a batch go: a folder, or any place that fsspec has a protocol for.
+"""Where the results of a batch go, and the usual place, a folder.
 
-A result is there whole or not at all. In a folder it is made elsewhere and renamed. Object stores know no renaming:
-there `record.json` comes last, and a result without it is none.
+A result is there whole or not at all: it is made elsewhere and renamed.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,23 +14,17 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-from persfs_cl.errors import InputError, UnavailableError
-from persfs_cl.io.files import FilePath, as_path, not_written, remove_leftovers, staging
+from persfs_cl.errors import InputError
+from persfs_cl.io.files import not_written, remove_leftovers, staging
 from persfs_cl.pipeline.manifest import FOLDER, Record, file_name
-from persfs_cl.wording import brief
-
-if TYPE_CHECKING:
-    import fsspec
 
 RECORD = "record.json"
 """The line of the manifest about a result, in its folder: what is complete stays known, whatever becomes of the run."""
 
 _FLUSHED_EVERY = 1.0
 """Seconds after which what was written of the manifest is made to reach the disk."""
-_PART_SECONDS, _PART_LINES = 30.0, 1000
-"""Where files cannot grow, a part of the manifest is written so often."""
 
 
 class Shelf(ABC):
@@ -109,6 +101,12 @@ class Store(ABC):
         """Remove what processes that were killed left behind."""
 
 
+def record_of(name: str, line: bytes) -> Record | None:
+    """The record of a result; none of one that somebody copied to another name."""
+    record = Record.read(line)
+    return record if record is not None and record.name == name else None
+
+
 @dataclass(frozen=True)
 class FolderStore(Store):
     """Results in a folder, which may be shared with other machines.
@@ -170,7 +168,7 @@ class _FolderResults:
 
     def record(self, name: str) -> Record | None:
         try:
-            return _of(name, (self._root / name / RECORD).read_bytes())
+            return record_of(name, (self._root / name / RECORD).read_bytes())
         except OSError:
             return None
 
@@ -233,166 +231,6 @@ class _GrowingJournal(Journal):
             self._file.unlink(missing_ok=True)
 
 
-@dataclass(frozen=True)
-class RemoteStore(Store):
-    """Results at a URL.
-
-    Attributes
-    ----------
-    url : str
-        As fsspec has it: protocol://place.
-    """
-
-    url: str
-
-    def __str__(self) -> str:
-        return self.url
-
-    def _place(self) -> tuple[fsspec.AbstractFileSystem, str]:
-        try:
-            import fsspec
-
-            return fsspec.core.url_to_fs(self.url)  # type: ignore[no-any-return] # fsspec is not typed
-        except (ImportError, ValueError) as error:
-            raise UnavailableError(f"{self.url} cannot be used ({error}): install what its protocol needs.") from error
-
-    @contextmanager
-    def opened(self) -> Iterator[Shelf]:
-        """See :class:`Store`."""
-        with tempfile.TemporaryDirectory(prefix="persfs-cl-") as stage:
-            yield _RemoteShelf(self, *self._place(), Path(stage))
-
-    def results(self) -> Results:
-        """See :class:`Store`."""
-        system, root = self._place()
-        with _refusing(self.url):
-            # One listing in place of a question for each photo, which takes as long as a photo does.
-            found = system.find(root) if system.exists(root) else []
-        return _RemoteResults(self, system, root, {file for file in found if file.endswith(f"/{RECORD}")})
-
-    def records(self, names: Sequence[str]) -> dict[str, Record]:
-        """See :class:`Store`."""
-        system, root = self._place()
-        # All at once where the protocol can, and without a meaning for brackets and stars in names.
-        found = system.cat_ranges([f"{root}/{name}/{RECORD}" for name in names], None, None, on_error="return")
-        read = {name: Record.read(data) for name, data in zip(names, found, strict=True) if isinstance(data, bytes)}
-        return {name: record for name, record in read.items() if record is not None}
-
-    def journal(self) -> Journal:
-        """See :class:`Store`."""
-        system, root = self._place()
-        return _PartedJournal(self.url, system, f"{root}/{FOLDER}/{file_name().removesuffix('.jsonl')}")
-
-    def manifests(self) -> Iterator[Iterable[bytes]]:
-        """See :class:`Store`."""
-        system, root = self._place()
-        with _refusing(self.url):
-            files = sorted(system.glob(f"{root}/{FOLDER}/*.jsonl"))
-        for file in files:
-            with _refusing(f"{self.url}/{FOLDER}"):
-                lines = system.cat_file(file).splitlines(keepends=True)
-            yield lines
-
-    def publish(self, write: Callable[[Path], Iterable[str]]) -> None:
-        """See :class:`Store`."""
-        system, root = self._place()
-        with tempfile.TemporaryDirectory(prefix="persfs-cl-") as folder:
-            for file in write(Path(folder)):
-                with _refusing(f"{self.url}/{file}"):
-                    system.put_file(str(Path(folder) / file), f"{root}/{file}")
-
-    def clean(self) -> None:
-        """See :class:`Store`: there are no temporary files there."""
-
-
-class _RemoteResults:
-    def __init__(self, store: RemoteStore, system: Any, root: str, there: set[str]) -> None:
-        self._store, self._system, self._root, self._there = store, system, root, there
-
-    def __contains__(self, name: object) -> bool:
-        return f"{self._root}/{name}/{RECORD}" in self._there
-
-    def record(self, name: str) -> Record | None:
-        if name not in self:
-            return None
-        with _refusing(f"{self._store.url}/{name}"):
-            return _of(name, self._system.cat_file(f"{self._root}/{name}/{RECORD}"))
-
-
-class _RemoteShelf(Shelf):
-    def __init__(self, store: RemoteStore, system: Any, root: str, stage: Path) -> None:
-        self._store, self._system, self._root, self._stage = store, system, root, stage
-        self._numbers = count()
-
-    def put(self, name: str, fill: Callable[[Path], Record]) -> Record:
-        new = self._stage / f"{next(self._numbers)}"
-        place, final = f"{self._store.url}/{name}", f"{self._root}/{name}"
-        try:
-            new.mkdir()
-            record = fill(new)
-            with _refusing(place):
-                self._send(new, final, record)
-        except InputError as error:
-            raise type(error)(str(error).replace(str(new), place)) from error
-        except OSError as error:
-            raise not_written(place, error) from error
-        finally:
-            shutil.rmtree(new, ignore_errors=True)
-        return record
-
-    def _send(self, new: Path, final: str, record: Record) -> None:
-        system = self._system
-        # What a result before had more of must not stay beside this one. Its record goes first.
-        with suppress(FileNotFoundError):
-            system.rm_file(f"{final}/{RECORD}")
-        if system.exists(final):
-            system.rm(final, recursive=True)
-        system.makedirs(final, exist_ok=True)
-        for file in sorted(new.iterdir()):
-            system.put_file(str(file), f"{final}/{file.name}")
-        system.pipe_file(f"{final}/{RECORD}", record.line().encode())
-
-
-class _PartedJournal(Journal):
-    def __init__(self, url: str, system: Any, stem: str) -> None:
-        self._url, self._system, self._stem = url, system, stem
-        self._lines: list[str] = []
-        self._parts, self._written = 0, time.monotonic()
-
-    def add(self, record: Record) -> None:
-        self._lines.append(record.line())
-        if len(self._lines) >= _PART_LINES or time.monotonic() - self._written > _PART_SECONDS:
-            self._write()
-
-    def close(self) -> None:
-        self._write()
-
-    def _write(self) -> None:
-        if not self._lines:
-            return
-        with _refusing(f"{self._url}/{FOLDER}"):
-            self._system.makedirs(self._stem.rpartition("/")[0], exist_ok=True)
-            self._system.pipe_file(f"{self._stem}-{self._parts:06}.jsonl", "".join(self._lines).encode())
-        self._lines.clear()
-        self._parts, self._written = self._parts + 1, time.monotonic()
-
-
-def store_for(output: FilePath) -> Store:
-    """The store of a folder or a URL."""
-    text = os.fspath(output) if isinstance(output, (str, os.PathLike)) else output
-    if isinstance(text, str) and text.startswith("memory:"):
-        raise InputError(f"{text} is in the memory of one process, and others solve the photos: choose another output.")
-    if isinstance(text, str) and "://" in text:
-        return RemoteStore(text.rstrip("/"))
-    return FolderStore(as_path(output))
-
-
-def _of(name: str, line: bytes) -> Record | None:
-    """The record of a result; none of one that somebody copied to another name."""
-    record = Record.read(line)
-    return record if record is not None and record.name == name else None
-
-
 def _is_result(place: Path) -> bool:
     """Whether there is something of a batch where a result is to be; refused is what somebody else put there.
 
@@ -422,16 +260,3 @@ def _settle(folder: Path) -> None:
                 os.fsync(handle)
         finally:
             os.close(handle)
-
-
-@contextmanager
-def _refusing(place: str) -> Iterator[None]:
-    """Whatever a file system of fsspec raises, as an error that names the place: each has errors of its own."""
-    try:
-        yield
-    except (InputError, MemoryError):
-        raise
-    except OSError as error:
-        raise not_written(place, error) from error
-    except Exception as error:
-        raise InputError(f"{place} cannot be used ({brief(error)}): check the URL, and the rights there.") from error

@@ -31,9 +31,10 @@ from persfs_cl.pipeline.cluster_worker import Answer, versions
 from persfs_cl.pipeline.job import Job
 from persfs_cl.pipeline.manifest import FOLDER, Record, records_of
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.remote_store import store_for
 from persfs_cl.pipeline.run import BatchResult
 from persfs_cl.pipeline.station import Outcome, Task
-from persfs_cl.pipeline.store import FolderStore, store_for
+from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workers import Setting
 from persfs_cl.solver.options import complete
 from persfs_cl.surface.saving import Saving

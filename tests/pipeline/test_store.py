@@ -17,7 +17,8 @@ import persfs_cl as ps
 from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import Record, now
 from persfs_cl.pipeline.pages import publish
-from persfs_cl.pipeline.store import RECORD, FolderStore, RemoteStore, store_for
+from persfs_cl.pipeline.remote_store import RemoteStore, store_for
+from persfs_cl.pipeline.store import RECORD, FolderStore
 
 
 @pytest.fixture(params=["memory", "file"])
