@@ -63,7 +63,7 @@ MENDED = {
     ("batch.md", "[two\nlines](../kernels/README.md)"): "[two\nlines](kernels.md)",
     ("batch.md", "[a](https://example.org/x.md)"): "[a](https://example.org/x.md)",
     # What is not on the site.
-    ("batch.md", "of [`it`](../persfs_cl/bench/weno.py), here"): "of [`it`](https://host/x/persfs_cl/bench/weno.py), here",
+    ("batch.md", "of [`it`](../LICENSE), here"): "of [`it`](https://host/x/LICENSE), here",
     # Code is no prose.
     ("batch.md", "```python\nf = [a](b.py)\n```"): "```python\nf = [a](b.py)\n```",
 }
@@ -96,7 +96,7 @@ def test_the_site_is_built_without_warnings_and_reads_nothing_from_elsewhere(tmp
             assert not re.match(r"(\w+:)?//", target), f"{page.name} reads {target}"
             # The page of errors is for a server, and begins at its root.
             if page.name != "404.html":
-                assert (page.parent / target.partition("?")[0]).exists(), f"{page.name} reads {target}, which is missing"
+                assert (page.parent / target.partition("?")[0]).exists(), f"{page.name} lacks {target}"
 
     reference = "".join(html for page, html in pages.items() if page.parent.name == "reference")
     assert not [name for name in public() if f'id="{name}"' not in reference], "have no anchor"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomlkit
 from links import ELSEWHERE, ROOT, mended, pictures_elsewhere, place_of
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -21,6 +20,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001
     """Mend the links."""
+    import tomlkit
+
     project = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     repository = project.get("urls", {}).get("Repository")
     return mended(markdown, page.file.src_uri, repository and f"{repository.rstrip('/')}/blob/main")
