@@ -9,9 +9,14 @@ import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+import typer
 from test_docstrings import FACES
+
+import persfs_cl
+from persfs_cl.cli.app import app
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -50,6 +55,26 @@ def test_the_reference_has_every_public_name_once() -> None:
     pages = (ROOT / "docs" / "reference").glob("*.md")
     found = [name for page in pages for name in re.findall(r"^::: ([\w.]+)$", page.read_text(), re.MULTILINE)]
     assert sorted(found) == public()
+
+
+def test_the_list_of_names_is_whole() -> None:
+    text = (ROOT / "docs" / "reference" / "index.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"\[`(\w+)`\]\[persfs_cl\.\1\]", text)) == sorted(persfs_cl.__all__)
+
+
+@pytest.mark.parametrize("page", ["calibrate", "choosing", "first-photo", "gpu", "guided", "troubleshooting"])
+def test_options_that_a_page_names_exist(page: str) -> None:
+    commands: Any = typer.main.get_command(app)
+    context = typer.Context(commands)
+    options = {
+        option
+        for name in commands.list_commands(context)
+        for parameter in commands.get_command(context, name).params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    named = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")))
+    assert named
+    assert not named - options
 
 
 MENDED = {
