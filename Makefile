@@ -14,7 +14,7 @@ CASE ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-thorough test-drivers fuzz lint bench paper release clean
+.PHONY: help install demo test test-thorough test-drivers fuzz lint docs bench paper release clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
@@ -23,6 +23,7 @@ help:
 	@echo "make test-drivers  run the tests of the kernels on other drivers and emulated processors (Debian, Ubuntu)"
 	@echo "make fuzz     random files and calls; SECONDS=600 SEED=0 tell how long and which, CASE=image:7 runs one again"
 	@echo "make lint     check style, types and which module imports which"
+	@echo "make docs     build the handbook, in .cache/site"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
 	@echo "make release  build the files of a release, and try them with every Python that is here"
@@ -59,6 +60,11 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports --cache-dir .cache/import-linter
+
+# Without its theme's notes on other products, and without a network.
+docs: $(INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "The handbook: .cache/site/index.html"
 
 bench: $(YARDSTICKS)
 	$(BIN)/persfs-cl bench

@@ -99,7 +99,8 @@ def test_sdist_holds_what_a_packager_needs(built: Path) -> None:
     (path,) = built.glob("*.tar.gz")
     with tarfile.open(path) as archive:
         files = {name.partition("/")[2] for name in archive.getnames()}
-    needed = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "Makefile"}
+    needed = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff"}
+    needed |= {"Makefile", "mkdocs.yml"}
     for folder in ("persfs_cl", "kernels", "tests", "docs"):
         needed |= source_files(folder)
     assert needed <= files

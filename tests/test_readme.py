@@ -64,7 +64,7 @@ def typed_lines(example: Example) -> list[str]:
 
 
 README = examples("README.md")
-PAGES_THAT_RUN = ("choosing", "calibrate", "guided", "accuracy")
+PAGES_THAT_RUN = ("first-photo", "gpu", "choosing", "calibrate", "guided", "accuracy")
 EXAMPLES = [*README, *(each for page in PAGES_THAT_RUN for each in examples(f"docs/{page}.md"))]
 
 
@@ -109,18 +109,26 @@ def test_example_runs_as_written(example: Example, tmp_path: Path) -> None:
         assert done.stdout == example.output
 
 
+def prose_of(page: Path) -> str:
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def headings(page: Path) -> set[str]:
+    """Their anchors, as GitHub makes them."""
+    titles = re.findall(r"^#+ (.+)$", prose_of(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_to_files(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    prose = FENCE.sub("", text)
-    titles = re.findall(r"^#+ (.+)$", prose, re.MULTILINE)
-    headings = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+    prose = prose_of(page)
     for target in (inline or image for inline, image in LINK.findall(prose)):
         if target.startswith(("http://", "https://")):
             continue
         file, _, heading = target.partition("#")
-        assert (page.parent / file).exists(), f"{page.name} links to {target}, which does not exist"
-        assert file or heading in headings, f"{page.name} links to {target}, but has no such heading"
+        linked = page.parent / file if file else page
+        assert linked.exists(), f"{page.name} links to {target}, which does not exist"
+        assert not heading or heading in headings(linked), f"{page.name} links to {target}, where no such heading is"
     for path in PATH_IN_CODE.findall(prose):
         assert (ROOT / path).exists(), f"{page.name} names {path}, which does not exist"
 

@@ -1,0 +1,27 @@
+"""What MkDocs calls while it builds the site: pages from outside of docs/, and links as they must be here."""
+
+from __future__ import annotations
+
+from links import ELSEWHERE, ROOT, mended, pictures_elsewhere, place_of
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that stand elsewhere, and the pictures that they show."""
+    for source in sorted({*ELSEWHERE, *pictures_elsewhere()}):
+        place = place_of(source)
+        if place is None:
+            raise ValueError(f"{source} has no place on the site: docs/site/links.py gives it one.")
+        files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001
+    """Mend the links."""
+    import tomlkit
+
+    project = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    repository = project.get("urls", {}).get("Repository")
+    return mended(markdown, page.file.src_uri, repository and f"{repository.rstrip('/')}/blob/main")

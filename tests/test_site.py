@@ -1,0 +1,129 @@
+"""The handbook: every page is listed, every public name documented, every link mended; and the site can be built."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import typer
+from test_docstrings import FACES
+
+import persfs_cl
+from persfs_cl.cli.app import app
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def load(name: str) -> ModuleType:
+    """A module of docs/site/, which MkDocs finds by itself."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "site" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+LINKS = load("links")
+
+
+def test_the_menu_lists_every_page_once() -> None:
+    _, _, menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")
+    listed = re.findall(r"[\w/-]+\.md$", menu, re.MULTILINE)
+    docs = ROOT / "docs"
+    there = [page.relative_to(docs).as_posix() for page in docs.rglob("*.md")]
+    assert sorted(listed) == sorted([*there, *LINKS.ELSEWHERE.values()])
+
+
+def public() -> list[str]:
+    """Public names, each where it is found first."""
+    found: dict[str, str] = {}
+    for face in FACES:
+        for name in face.__all__:
+            found.setdefault(name, f"{face.__name__}.{name}")
+    return sorted(found.values())
+
+
+def test_the_reference_has_every_public_name_once() -> None:
+    pages = (ROOT / "docs" / "reference").glob("*.md")
+    found = [name for page in pages for name in re.findall(r"^::: ([\w.]+)$", page.read_text(), re.MULTILINE)]
+    assert sorted(found) == public()
+
+
+def test_the_list_of_names_is_whole() -> None:
+    text = (ROOT / "docs" / "reference" / "index.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"\[`(\w+)`\]\[persfs_cl\.\1\]", text)) == sorted(persfs_cl.__all__)
+
+
+@pytest.mark.parametrize("page", ["calibrate", "choosing", "first-photo", "gpu", "guided", "troubleshooting"])
+def test_options_that_a_page_names_exist(page: str) -> None:
+    commands: Any = typer.main.get_command(app)
+    context = typer.Context(commands)
+    options = {
+        option
+        for name in commands.list_commands(context)
+        for parameter in commands.get_command(context, name).params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
+    named = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")))
+    assert named
+    assert not named - options
+
+
+MENDED = {
+    # A page that stands elsewhere, and its place; one of docs/; a picture of either.
+    ("index.md", "[a](docs/batch.md#memory)"): "[a](batch.md#memory)",
+    ("index.md", "[a](CHANGELOG.md) [b](#devices)"): "[a](changelog.md) [b](#devices)",
+    ("index.md", "![a](docs/paper/figure2.png)"): "![a](paper/figure2.png)",
+    ("index.md", '<img src="persfs_cl/data/coin.png" width="9">'): '<img src="pictures/coin.png" width="9">',
+    ("photographs.md", "[a](../../docs/paper.md)"): "[a](paper.md)",
+    ("reference/cameras.md", "[a](../../README.md#conventions)"): "[a](../index.md#conventions)",
+    ("batch.md", "[two\nlines](../kernels/README.md)"): "[two\nlines](kernels.md)",
+    ("batch.md", "[a](https://example.org/x.md)"): "[a](https://example.org/x.md)",
+    # What is not on the site.
+    ("batch.md", "of [`it`](../LICENSE), here"): "of [`it`](https://host/x/LICENSE), here",
+    # Code is no prose.
+    ("batch.md", "```python\nf = [a](b.py)\n```"): "```python\nf = [a](b.py)\n```",
+}
+
+
+@pytest.mark.parametrize(("page", "text"), MENDED)
+def test_links_are_mended(page: str, text: str) -> None:
+    assert LINKS.mended(text, page, "https://host/x/") == MENDED[page, text]
+
+
+def test_without_a_repository_links_to_its_files_are_text() -> None:
+    assert LINKS.mended("of [`it`](../LICENSE), [a](guided.md)", "batch.md", None) == "of `it`, [a](guided.md)"
+
+
+@pytest.mark.thorough
+def test_the_site_is_built_without_warnings_and_reads_nothing_from_elsewhere(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs", reason="MkDocs is not installed: the extra [docs] has it")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    nowhere = "http://127.0.0.1:9"
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "http_proxy": nowhere, "https_proxy": nowhere}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+
+    pages = {page: page.read_text(encoding="utf-8") for page in (tmp_path / "site").rglob("*.html")}
+    assert len(pages) > 20
+    for page, html in pages.items():
+        fetched = re.findall(r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* href="([^"]+)"', html)
+        for target in (source or sheet for source, sheet in fetched):
+            assert not re.match(r"(\w+:)?//", target), f"{page.name} reads {target}"
+            # The page of errors is for a server, and begins at its root.
+            if page.name != "404.html":
+                assert (page.parent / target.partition("?")[0]).exists(), f"{page.name} lacks {target}"
+
+    reference = "".join(html for page, html in pages.items() if page.parent.name == "reference")
+    assert not [name for name in public() if f'id="{name}"' not in reference], "have no anchor"
+    # Roles that nobody has turned into links.
+    assert not re.search(r":(?:func|class|meth|attr|data|mod):", reference)
