@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from command import FOCAL, WIDTH, names, run, strict
 
 import persfs_cl as ps
@@ -134,7 +133,7 @@ def test_interrupt_of_the_pictures_keeps_what_else_was_wanted(
 def test_second_interrupt_of_the_writing_leaves_nothing(
     photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trimesh.Trimesh, "export", lambda *_arguments: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("persfs_cl.io.clouds._put", lambda *_arguments: signal.raise_signal(signal.SIGINT))
     outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL)
     assert (outcome.status, outcome.stdout) == (130, "")
     assert outcome.stderr.endswith("persfs-cl: interrupted.")
