@@ -266,7 +266,7 @@ class Options(TypedDict, total=False):
         Option(
             0.0,
             _tolerance,
-            "For upwind: blocks of pixels rest as long as ln depth in and around them has not changed by more than this "
+            "For upwind: blocks of pixels rest while ln depth in and around them has changed by no more than this "
             "since they were swept. 0 changes nothing.",
         ),
     ]
@@ -354,8 +354,8 @@ def complete(given: Options) -> Options:
         raise InputError.about(
             "resting",
             resting,
-            f"with {keyword('tolerance', options['tolerance'])}: blocks would rest before that is reached. Give at most "
-            f"a tenth of the tolerance, {most_resting:g}.",
+            f"with {keyword('tolerance', options['tolerance'])}: blocks would rest too far from the limit. Give at "
+            f"most a tenth of the tolerance, {most_resting:g}.",
         )
     boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
     if boundary not in scheme.boundaries:
