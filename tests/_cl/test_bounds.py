@@ -118,7 +118,7 @@ def test_the_limit_is_that_of_the_obstacle_problem(device: Device, name: str) ->
         or (given["name"], given["precision"], given["ordering"]) == ("frontal away", "float64", STRIPS)
     )
 )
-# Under the Lax-Friedrichs scheme nothing rests.
+# Under the Lax-Friedrichs scheme nothing rests on a full frame.
 @pytest.mark.parametrize("rests", [True, pytest.param(False, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("ordering", ORDERINGS, ids=str)
 @pytest.mark.parametrize("name", ["upwind oblique toward", "upwind flash", "frontal away"])
