@@ -181,5 +181,6 @@ ACCURACY_TABLES: Tables = {
     "terrain": ("terrain", _terrain),
     "priors": ("priors", _priors),
     "painted": ("painted", _priors),
+    "outline": ("outline", _priors),
     "energy": ("energy", _energy),
 }
