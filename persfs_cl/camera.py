@@ -343,7 +343,7 @@ class Camera:
         path : path
             `.yaml`, `.yml` or `.json` with `camera_matrix` and `distortion_coefficients`, as OpenCV's calibration and
             ROS write them (`distortion_model` or `fisheye_model` tell a fisheye), or the `camera.json` that comes with
-            results. Or COLMAP's `cameras.txt` with one camera, of any of its models but FOV and thin prisms.
+            results. Or COLMAP's `cameras.txt` with one camera, of any of its models but FOV.
 
         Returns
         -------
@@ -426,8 +426,10 @@ def camera_from(path: FilePath, calibrated: Calibrated) -> Camera:
     """
     given = calibrated.distortion
     try:
-        if calibrated.fisheye and len(given) not in (0, 4):
-            raise CameraError.about("distortion", given, "is impossible for a fisheye: give k1, k2, k3 and k4.")
+        if calibrated.fisheye and len(given) not in (0, 4, 8):
+            raise CameraError.about(
+                "distortion", given, "is impossible for a fisheye: give k1, k2, k3 and k4, or p1, p2, sx1 and sy1 too."
+            )
         distortion = Fisheye(*given) if calibrated.fisheye else given or None
         return Camera(calibrated.focal_length, calibrated.principal_point, distortion)
     except CameraError as error:

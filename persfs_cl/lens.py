@@ -5,7 +5,7 @@ Places are normalised: (column - cx) / fx and (row - cy) / fy, in a pinhole came
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from types import ModuleType
 from typing import Any
 
@@ -31,16 +31,18 @@ _WIDEST = 1e3
 """Farther from the axis is no ray."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fisheye:
-    """Distortion of a fisheye lens, as OpenCV's module `fisheye` has it.
+    """Distortion of a fisheye lens, as OpenCV's module `fisheye` has it, and COLMAP's THIN_PRISM_FISHEYE.
 
     A ray at the angle θ to the optical axis is drawn at θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) from the principal
-    point, in units of the focal length: with all of them 0, an equidistant lens.
+    point, in units of the focal length: with all of them 0, an equidistant lens. The others, which OpenCV has not,
+    shift it by (2 p1 u v + p2 (θ² + 2 u²) + sx1 θ², 2 p2 u v + p1 (θ² + 2 v²) + sy1 θ²), where (u, v) is θ long and in
+    the direction of the ray.
 
     Parameters
     ----------
-    k1, k2, k3, k4 : float
+    k1, k2, k3, k4, p1, p2, sx1, sy1 : float
 
     Raises
     ------
@@ -59,10 +61,28 @@ class Fisheye:
     k2: float = 0.0
     k3: float = 0.0
     k4: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    sx1: float = 0.0
+    sy1: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("k1", "k2", "k3", "k4"):
-            object.__setattr__(self, name, _coefficients(getattr(self, name), (1,))[0])
+        for field in fields(self):
+            object.__setattr__(self, field.name, _coefficients(getattr(self, field.name), (1,))[0])
+
+    def __repr__(self) -> str:
+        said = zip((field.name for field in fields(self)), self.coefficients, strict=False)
+        return f"Fisheye({', '.join(f'{name}={value}' for name, value in said)})"
+
+    @property
+    def is_opencvs(self) -> bool:
+        """Whether it has nothing that OpenCV does not know."""
+        return not any((self.p1, self.p2, self.sx1, self.sy1))
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """Those that tell it: four, or all eight."""
+        return (self.k1, self.k2, self.k3, self.k4) if self.is_opencvs else astuple(self)
 
 
 Distortion = tuple[float, ...] | Fisheye
@@ -122,6 +142,8 @@ def distorted(distortion: Distortion, places: Array) -> Array:
     -------
     ndarray of float64, shape (n, 2)
     """
+    if isinstance(distortion, Fisheye) and not distortion.is_opencvs:
+        return _by_prisms(distortion, places)
     cv2 = opencv("The camera has a distortion")
     found = np.empty_like(places)
     straight, nothing = np.eye(3), np.zeros(3)
@@ -129,7 +151,7 @@ def distorted(distortion: Distortion, places: Array) -> Array:
     for begin in range(0, len(places), _AT_A_TIME):
         some = places[begin : begin + _AT_A_TIME, None, :]
         if isinstance(distortion, Fisheye):
-            drawn = cv2.fisheye.distortPoints(some, straight, np.array(astuple(distortion)))
+            drawn = cv2.fisheye.distortPoints(some, straight, np.array(distortion.coefficients[:4]))
         else:
             rays = np.concatenate([some, np.ones_like(some[..., :1])], axis=2)
             drawn, _ = cv2.projectPoints(rays, nothing, nothing, straight, np.array(distortion))
@@ -152,7 +174,7 @@ def undistorted(distortion: Distortion, places: Array) -> Array:
     cv2 = opencv("The camera has a distortion")
     straight = np.eye(3)
     if isinstance(distortion, Fisheye):
-        first = cv2.fisheye.undistortPoints(places[:, None, :], straight, np.array(astuple(distortion)))
+        first = cv2.fisheye.undistortPoints(places[:, None, :], straight, np.array(distortion.coefficients[:4]))
     else:
         first = cv2.undistortPoints(places[:, None, :], straight, np.array(distortion))
     found = np.reshape(first, (-1, 2)).astype(np.float64)
@@ -169,6 +191,19 @@ def undistorted(distortion: Distortion, places: Array) -> Array:
         there[there] = unfolded(distortion, found[there])
     found[~there] = np.nan
     return found
+
+
+def _by_prisms(lens: Fisheye, places: Array) -> Array:
+    """Where a fisheye draws what a pinhole camera would have at some places, by all eight coefficients."""
+    radius = np.hypot(*places.T)
+    angle = np.arctan(radius)
+    ratio = np.divide(angle, radius, out=np.ones_like(radius), where=radius > 0.0)
+    u, v = (places * ratio[:, None]).T
+    square = angle**2
+    radial = square * (lens.k1 + square * (lens.k2 + square * (lens.k3 + square * lens.k4)))
+    across = u * radial + 2.0 * lens.p1 * u * v + lens.p2 * (square + 2.0 * u**2) + lens.sx1 * square
+    down = v * radial + 2.0 * lens.p2 * u * v + lens.p1 * (square + 2.0 * v**2) + lens.sy1 * square
+    return np.stack([u + across, v + down], axis=1)
 
 
 def unfolded(distortion: Distortion, places: Array) -> Mask:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import astuple
 from typing import Any
 
 import cv2
@@ -13,7 +12,7 @@ import pytest
 from persfs_cl.arrays import Array
 from persfs_cl.camera import Camera
 from persfs_cl.errors import CameraError
-from persfs_cl.lens import Distortion, Fisheye, as_distortion, distorted, undistorted, unfolded
+from persfs_cl.lens import Distortion, Fisheye, _by_prisms, as_distortion, distorted, undistorted, unfolded
 
 LENSES: list[Distortion] = [
     (-0.3, 0.1, 0.001, -0.002),
@@ -36,12 +35,31 @@ def test_pixels_are_those_of_opencv_and_places_lead_back(lens: Distortion) -> No
     matrix = np.array([[410.0, 0.0, 150.0], [0.0, 400.0, 90.0], [0.0, 0.0, 1.0]])
     points = np.concatenate([given, np.ones((len(given), 1))], axis=1)[:, None] * 2.5
     if isinstance(lens, Fisheye):
-        expected, _ = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), matrix, np.array(astuple(lens)))
+        expected, _ = cv2.fisheye.projectPoints(points, np.zeros(3), np.zeros(3), matrix, np.array(lens.coefficients))
     else:
         expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, np.array(lens))
     pixels = camera.pixels(given, (200, 300))
     np.testing.assert_allclose(pixels, np.reshape(expected, (-1, 2)), rtol=0, atol=1e-9)
     np.testing.assert_allclose(camera.places(pixels, (200, 300)), given, rtol=0, atol=1e-9)
+
+
+def test_the_lens_that_opencv_does_not_know_is_its_own_without_prisms() -> None:
+    given, lens = _some_places(), Fisheye(0.02, -0.004, 0.001, 0.0003)
+    np.testing.assert_allclose(_by_prisms(lens, given), distorted(lens, given), rtol=0, atol=1e-12)
+
+
+def test_thin_prisms_as_colmap_has_them() -> None:
+    lens = Fisheye(0.02, -0.004, 0.001, 0.0003, 0.002, -0.003, 0.004, 0.001)
+    # By hand, of the ray (0.6, 0.8, 1), at 45° to the axis.
+    theta = np.pi / 4
+    u, v = 0.6 * theta, 0.8 * theta
+    radial = 0.02 * theta**2 - 0.004 * theta**4 + 0.001 * theta**6 + 0.0003 * theta**8
+    x = u + u * radial + 2 * 0.002 * u * v - 0.003 * (theta**2 + 2 * u**2) + 0.004 * theta**2
+    y = v + v * radial - 2 * 0.003 * u * v + 0.002 * (theta**2 + 2 * v**2) + 0.001 * theta**2
+    np.testing.assert_allclose(distorted(lens, np.array([[0.6, 0.8]])), [[x, y]], rtol=1e-12)
+    given = _some_places()
+    np.testing.assert_allclose(undistorted(lens, distorted(lens, given)), given, rtol=0, atol=1e-9)
+    assert "sx1=0.004" in repr(lens)
 
 
 def test_what_a_lens_never_draws_has_no_place() -> None:

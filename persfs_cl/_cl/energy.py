@@ -1,4 +1,7 @@
-"""The energy of a surface on a device, and steps of Gauss-Newton's method that make it less; see kernels/energy/."""
+"""The energy of a surface on a device, and steps of Gauss-Newton's method that make it less; see kernels/energy/.
+
+It is long because it names every array and every launch of a step: apart from each other these say nothing.
+"""
 
 from __future__ import annotations
 

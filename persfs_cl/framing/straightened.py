@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -114,9 +113,11 @@ class Straightened(Frame):
         cv2 = opencv("The camera has a distortion")
         old, new = (_matrix(one, shape) for one, shape in ((self._old, self.old_shape), (self.camera, self.shape)))
         size, distortion = self.shape[::-1], _bent(self._old)
-        if isinstance(distortion, Fisheye):
+        if isinstance(distortion, Fisheye) and not distortion.is_opencvs:
+            columns, rows = self._drawn()
+        elif isinstance(distortion, Fisheye):
             columns, rows = cv2.fisheye.initUndistortRectifyMap(
-                old, np.array(astuple(distortion)), np.eye(3), new, size, cv2.CV_32FC1
+                old, np.array(distortion.coefficients), np.eye(3), new, size, cv2.CV_32FC1
             )
         else:
             columns, rows = cv2.initUndistortRectifyMap(old, np.array(distortion), None, new, size, cv2.CV_32FC1)
@@ -128,6 +129,20 @@ class Straightened(Frame):
             )
             found[:, self._folded[np.ix_(down, across)]] = _NOWHERE
         return found
+
+    def _drawn(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The same, column and row, of a lens that OpenCV does not know."""
+        columns, rows = (np.empty(self.shape, np.float32) for _ in range(2))
+        along = np.arange(self.shape[1], dtype=np.float64)
+
+        def work(some: slice) -> None:
+            down = np.arange(some.start, some.stop, dtype=np.float64)
+            pixels = np.stack(np.meshgrid(along, down), axis=-1).reshape(-1, 2)
+            found = self._old.pixels(self.camera.places(pixels, self.shape), self.old_shape)
+            columns[some], rows[some] = found.T.reshape(2, down.size, along.size)
+
+        in_row_blocks(work, self.shape)
+        return columns, rows
 
     def mean(self, values: Array) -> Array:
         """See :class:`Frame`: linear between the centres of old pixels."""

@@ -26,9 +26,10 @@ _MODELS: dict[str, tuple[int, tuple[int, ...], bool]] = {
     "SIMPLE_RADIAL_FISHEYE": (1, (0,), True),
     "RADIAL_FISHEYE": (1, (0, 1), True),
     "OPENCV_FISHEYE": (2, (0, 1, 2, 3), True),
+    "THIN_PRISM_FISHEYE": (2, (0, 1, 4, 5, 2, 3, 6, 7), True),
 }
-"""Of a model that OpenCV has too: focal lengths, the places of its coefficients among OpenCV's, and whether they are a
-fisheye's."""
+"""Of a model: focal lengths, the places of its coefficients among OpenCV's, or among those of
+:class:`persfs_cl.Fisheye`, and whether they are a fisheye's."""
 _STRETCHED = 0.01
 """Logarithm of a ratio that an image may be longer along one side, where sides are not rounded."""
 

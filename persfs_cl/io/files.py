@@ -5,7 +5,8 @@ leaves it there, and the next one that writes to the folder removes it. No proce
 that made it is still alive: the folder may be shared with other machines, or with containers that count their own.
 Instead it holds a lock, which the kernel gives back however the process ends, and knows in every container. Some
 network file systems keep locks to each machine, or have none. So what another machine made, or this one before it was
-started anew, or what has no lock to try, must also be a day old, far more than the writing of any result takes.
+started anew, or what has no lock to try, must also be a day old, far more than the writing of any result takes. That is
+why the module is long: writing whole, and taking away what was not, cannot be told apart.
 """
 
 from __future__ import annotations

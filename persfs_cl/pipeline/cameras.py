@@ -6,7 +6,7 @@ import csv
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +103,7 @@ def read_cameras(path: FilePath) -> CameraTable:
           with a `path` each in a list. `focal_length` may be a pair, `principal_point` may stand for `cx` and `cy`, and
           a list `distortion` for its coefficients.
         - The folder of a model of COLMAP, in text, or its `cameras.txt`, with `images.txt` beside it. Cameras are of
-          any of its models but FOV and those with thin prisms. COLMAP centres pixels on halves, which is taken into
+          any of its models but FOV. COLMAP centres pixels on halves, which is taken into
           account. Without `images.txt`, its only camera is that of all photographs.
 
     Returns
@@ -199,7 +199,7 @@ def _distortion(given: dict[str, Any]) -> Distortion | None:
         raise InputError(f"a fisheye has k1, k2, k3 and k4, and it has {', '.join(named)}: leave the others out.")
     if fisheye:
         numbers = () if listed is None else finite_numbers(listed)
-        if numbers is None or len(numbers) > len(fields(Fisheye)):
+        if numbers is None or len(numbers) not in (0, 1, 2, 3, 4, 8):
             raise InputError(f"it has {brief(listed)} for the distortion of a fisheye: give k1, k2, k3 and k4.")
         return Fisheye(*numbers, **named)
     if named:

@@ -2,6 +2,7 @@
 
 Tasks go out in chunks of some seconds of work, of which a few are with the scheduler for each device at any time. So it
 holds the same whether there are a thousand photos or ten million. The workers write the results, and send back records.
+The module is long because what may happen between a scheduler, workers and tasks is one thing to reason about.
 """
 
 from __future__ import annotations

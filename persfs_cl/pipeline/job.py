@@ -1,7 +1,8 @@
 """From a photo's file to its surface: read, prepare, solve.
 
 Each step is a function of what the one before returned, and of nothing else. A job can be pickled, and so can what the
-steps return: they may run in threads or processes of their own.
+steps return: they may run in threads or processes of their own. They are in one module, which is long for that, since
+each is read with the one before.
 """
 
 from __future__ import annotations

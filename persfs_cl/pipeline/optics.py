@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +78,7 @@ class CameraChoice:
         lens = self.distortion
         return {
             **{name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")},
-            "distortion": {"fisheye": astuple(lens)} if isinstance(lens, Fisheye) else lens,
+            "distortion": {"fisheye": lens.coefficients} if isinstance(lens, Fisheye) else lens,
         }
 
     def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:

@@ -1,4 +1,7 @@
-"""A surface that was solved: its depth, and what follows from it."""
+"""A surface that was solved: its depth, and what follows from it.
+
+It is long by what it says of each method, with an example; what they do is elsewhere.
+"""
 
 from __future__ import annotations
 

@@ -211,7 +211,17 @@ def test_a_reduced_camera_sees_the_same_view() -> None:
     np.testing.assert_allclose(frame.placed(corners), new, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("camera", [BARREL, LENSES[-1]], ids=["opencv", "fisheye"])
+PRISMS = ps.Camera(140.0, distortion=ps.Fisheye(0.03, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
+
+
+def test_a_lens_with_prisms_is_straightened() -> None:
+    straight, pinhole = ps.undistort(depth(*places(PRISMS, SHAPE)), PRISMS)
+    grid = pinhole.grid(straight.shape)
+    off = np.abs(straight - depth(*np.broadcast_arrays(grid.x, grid.y)))
+    assert np.nanmean(off) < 0.001
+
+
+@pytest.mark.parametrize("camera", [BARREL, LENSES[-1], PRISMS], ids=["opencv", "fisheye", "prisms"])
 def test_what_took_the_image_is_saved_with_the_surface(camera: ps.Camera, tmp_path: Path) -> None:
     solution = ps.reconstruct(flashed(camera, SHAPE), camera, light=ps.FlashLight())
     assert solution.taken_by == (camera, SHAPE)

@@ -111,6 +111,10 @@ def test_what_others_write(tmp_path: Path, name: str, text: str, camera: ps.Came
             "OPENCV_FISHEYE 640 480 590 588 320.5 240.5 1 2 3 4",
             ps.Camera((590.0, 588.0), (320.0, 240.0), ps.Fisheye(1, 2, 3, 4)),
         ),
+        (
+            "THIN_PRISM_FISHEYE 640 480 590 588 320.5 240.5 1 2 3 4 5 6 7 8",
+            ps.Camera((590.0, 588.0), (320.0, 240.0), ps.Fisheye(1, 2, 5, 6, 3, 4, 7, 8)),
+        ),
         ("SIMPLE_RADIAL_FISHEYE 640 480 590 320.5 240.5 1", ps.Camera(590.0, (320.0, 240.0), ps.Fisheye(1))),
         ("RADIAL_FISHEYE 640 480 590 320.5 240.5 1 2", ps.Camera(590.0, (320.0, 240.0), ps.Fisheye(1, 2))),
     ],

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import platform
 import zlib
-from dataclasses import asdict, astuple
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -136,12 +136,13 @@ def _calibration(camera: Camera, shape: tuple[int, int]) -> dict[str, Any]:
     """What a file says of the camera of an image of shape (height, width), as :meth:`Camera.from_file` reads it."""
     column, row = camera.centre(shape)
     lens = camera.distortion
+    coefficients = () if lens is None else lens.coefficients if isinstance(lens, Fisheye) else lens
     return {
         "image_width": shape[1],
         "image_height": shape[0],
         "camera_matrix": [[camera.fx, 0.0, column], [0.0, camera.fy, row], [0.0, 0.0, 1.0]],
         "distortion_model": "none" if lens is None else "fisheye" if isinstance(lens, Fisheye) else "opencv",
-        "distortion_coefficients": [] if lens is None else list(astuple(lens) if isinstance(lens, Fisheye) else lens),
+        "distortion_coefficients": list(coefficients),
     }
 
 
