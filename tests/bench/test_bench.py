@@ -225,7 +225,7 @@ def test_every_experiment_from_the_command_line(tmp_path: Path) -> None:
     # Some are called by other tests: in processes of their own, and at the sizes that are claimed.
     whole_calls = ("calls", "flash", "masked")
     exact = ("distance", "noise", "reflectance", "ambiguity", "lamp", "calibration", "weno")
-    elsewhere = {"compilation", "memory", "photograph", "tasks", *whole_calls, *exact}
+    elsewhere = {"compilation", "endoscopy", "memory", "photograph", "tasks", *whole_calls, *exact}
     in_process = [name for name in EXPERIMENTS if name not in elsewhere]
     outcome = run("bench", *settings, *(part for name in in_process for part in ("--experiment", name)))
     assert outcome.status == 0

@@ -22,7 +22,10 @@ import persfs_cl as ps
 for result in ps.batch(sys.argv[1], sys.argv[2], camera=ps.Camera(30.0), light=ps.FlashLight(), save=sys.argv[3]):
     print(result.name, flush=True)
 """
-DEFAULT = {"depth.npy", "depth.tiff", "normals.png", "report.json", "preview.jpg", "photo.jpg", "relief.js"}
+DEFAULT = {
+    *("depth.npy", "depth.tiff", "camera.json", "solution.npz", "normals.png", "report.json"),
+    *("preview.jpg", "photo.jpg", "relief.js"),
+}
 
 
 def finish(folder: Path, out: Path, save: str = "depth.npy") -> list[str]:
