@@ -121,7 +121,6 @@ def sweeper(
     linear: bool = False,
     tolerance: float = 0.0,
     rests: bool = True,
-    resting: float = 0.0,
 ) -> Sweeper:
     """The problem on a device, in a variant that can be stepped sweep by sweep."""
     wide = lanes(device, precision)
@@ -139,5 +138,4 @@ def sweeper(
         linear=linear,
         tolerance=tolerance,
         rests=rests,
-        resting=resting,
     )

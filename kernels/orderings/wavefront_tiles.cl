@@ -11,21 +11,8 @@
  *         . . 3 .                1 2 3 4 5
  *         . 3 . .                2 3 4 5 6
  *
- * With RESTS a tile is skipped if neither it nor the four beside it have changed since a sweep last ran it in the same
- * direction, four sweeps ago, see account.cl: it would find the same values again. For that, tiles are the same in all
- * directions: height and width are counted in whole ones. Sweeps count from FIRST_SWEEP; before it a tile has
- * FIRST_SWEEP - 1, or 0 where there is nothing to sweep.
- *
  * Global size (tiles * TILE_ROWS, images), work-group size (TILE_ROWS, 1). Reads and writes log_depth in place.
  */
-#define FIRST_SWEEP 5
-
-/* Tiles along a side of the image, or what is left over. */
-static inline int tiles_of(const int length, const int side)
-{
-    return (length + side - 1) / side;
-}
-
 __kernel __attribute__((reqd_work_group_size(TILE_ROWS, 1, 1))) void
 sweep(__global real *log_depth,          /* shape (images, rows, stride)                        */
       __global const real *brightness,   /* E, marked as in update.cl, same shape               */
@@ -47,9 +34,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
       const int leftwards,               /* 1: columns from the right                           */
       const int upwards,                 /* 1: rows from the bottom                             */
       const int tile_diagonal,           /* row + column of the tiles of this launch            */
-      const int first_tile_row,          /* tile row of group 0                                 */
-      __global volatile int *changed,    /* of each image, shape (images, tile rows + 2, ...)   */
-      const int sweeps_before)           /* of this run                                         */
+      const int first_tile_row)          /* tile row of group 0                                 */
 {
     const int image = (int)get_global_id(1);
     if (finished(changes, iteration, image, images, tolerance))
@@ -58,32 +43,20 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride)        
     const bounds within = bounds_from(limits, (size_t)images * (size_t)rows * (size_t)stride, 0);
     const size_t begin = (size_t)image * (size_t)rows * (size_t)stride;
     const int tile_row = first_tile_row + (int)get_group_id(0);
-    const int tile_column = tile_diagonal - tile_row;
-    const int i = tile_row * TILE_ROWS + (int)get_local_id(0), first = tile_column * TILE_COLUMNS;
-    const int high = tiles_of(height, TILE_ROWS), wide = tiles_of(width, TILE_COLUMNS), across = wide + 2;
-    const int own = (image * (high + 2) + 1 + (upwards ? high - 1 - tile_row : tile_row)) * across + 1 +
-                    (leftwards ? wide - 1 - tile_column : tile_column);
-    const int sweep = FIRST_SWEEP + sweeps_before;
-    if (RESTS && last_change_around(changed + own, across) < sweep - 4)
-        return;
-    real moved = 0;
+    const int i = tile_row * TILE_ROWS + (int)get_local_id(0);
+    const int first = (tile_diagonal - tile_row) * TILE_COLUMNS;
 
     for (int step = 0; step < TILE_COLUMNS + TILE_ROWS - 1; ++step) {
         const int inside = step - (int)get_local_id(0);
         const int j = first + inside;
-        const int pixel_row = upwards ? high * TILE_ROWS - 1 - i : i;
-        const int pixel_column = leftwards ? wide * TILE_COLUMNS - 1 - j : j;
-        if (pixel_row < height && inside >= 0 && inside < TILE_COLUMNS && pixel_column < width) {
-            const int row = first_row + pixel_row, column = first_column + pixel_column;
+        if (i < height && inside >= 0 && inside < TILE_COLUMNS && j < width) {
+            const int row = first_row + (upwards ? height - 1 - i : i);
+            const int column = first_column + (leftwards ? width - 1 - j : j);
             const size_t cell = begin + (size_t)row * (size_t)stride + (size_t)column;
-            moved = most(moved, update_cell(log_depth, brightness, within, flags, cell, stride, leftwards, upwards,
-                                            axis_at(column_table + image * 3 * stride, stride, column),
-                                            axis_at(row_table + image * 3 * rows, rows, row), &numbers));
+            update_cell(log_depth, brightness, within, flags, cell, stride, leftwards, upwards,
+                        axis_at(column_table + image * 3 * stride, stride, column),
+                        axis_at(row_table + image * 3 * rows, rows, row), &numbers);
         }
         barrier(CLK_GLOBAL_MEM_FENCE);
     }
-#if RESTS
-    if (moved > 0)
-        changed[own] = sweep;
-#endif
 }

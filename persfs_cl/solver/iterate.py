@@ -109,9 +109,6 @@ class Iteration:
             linear=options["boundary"] == "extrapolate",
             second_order=second_order,
             only_lower=only_lower,
-            # Mixtures change values between the sweeps.
-            rests=not accelerated,
-            resting=0.0 if second_order else options["resting"],
         )
         self.build_seconds += time.perf_counter() - began
         done = [len(self.changes[place]) for place in places]
@@ -198,11 +195,10 @@ class _Stop:
         self.tolerance = options["tolerance"]
         self._by_distance = options["stopping"] == "distance"
         self.rounding = float(np.finfo(options["precision"]).eps)
-        self._resting = options["resting"]
 
     def distance(self, changes: Sequence[float]) -> float:
-        """See :func:`persfs_cl.solver.distance.distance_to_limit`; and what blocks that rest leave."""
-        return distance_to_limit(changes, self.rounding) + self._resting
+        """See :func:`persfs_cl.solver.distance.distance_to_limit`."""
+        return distance_to_limit(changes, self.rounding)
 
     def met(self, changes: Sequence[float]) -> bool:
         """Whether an image has converged that rests."""

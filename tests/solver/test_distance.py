@@ -106,28 +106,6 @@ def test_upwind_ends_within_the_tolerance(name: str, ordering: str) -> None:
     assert solution.iterations <= exact.iterations
 
 
-@pytest.mark.quick_where(holds=lambda parameters: parameters["name"] in QUICK)
-@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "rough"])
-def test_blocks_that_rest_early_leave_the_result_within_the_distance(name: str, ordering: str) -> None:
-    keywords = {"scheme": "upwind", "ordering": ordering, "precision": "float64"}
-    exact = limit(SCENES[name], **keywords)
-    for resting in (1e-4, 1e-6):
-        solution = solve(SCENES[name], **keywords, tolerance=10 * resting, resting=resting)
-        assert solution.status is ps.Status.CONVERGED
-        assert resting <= solution.distance <= 10 * resting
-        assert apart(solution, exact) <= solution.distance
-
-
-def test_blocks_rest_for_small_changes_by_the_upwind_scheme_alone() -> None:
-    with pytest.raises(ps.InputError, match=r"resting=1e-06 with scheme='lax-friedrichs': it creeps .*'upwind'"):
-        solve(SCENES["bump"], scheme="lax-friedrichs", resting=1e-6)
-    with pytest.raises(ps.InputError, match=r"resting=2e-06 with tolerance=1e-05: .* a tenth of the tolerance, 1e-06"):
-        solve(SCENES["bump"], scheme="upwind", resting=2e-6)
-    with pytest.raises(ps.InputError, match=r"resting=1e-06 with tolerance=0"):
-        solve(SCENES["bump"], scheme="upwind", resting=1e-6, tolerance=0.0)
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("scheme", ["lax-friedrichs", "upwind"])
 @pytest.mark.parametrize("name", ["bump", "sphere cap", "oblique light", "flash"])

@@ -32,7 +32,6 @@ class WavefrontStrips(Strips):
     before: ClassVar[tuple[str, ...]] = (
         "update",
         "change",
-        "account",
         "tiles",
         "strip",
     )

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import pyopencl as cl
-from numpy.typing import NDArray
 
-from persfs_cl._cl.image import Image
-from persfs_cl._cl.layout import Layout
-from persfs_cl._cl.orderings.account import first_account
 from persfs_cl._cl.orderings.ordering import Ordering
 from persfs_cl._cl.run import DIRECTIONS, Run
-
-_BEFORE = 4
-"""As in the kernel: the number of a sweep before the first one."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +22,6 @@ class WavefrontTiles(Ordering):
     """
 
     file: ClassVar[str] = "wavefront_tiles"
-    before: ClassVar[tuple[str, ...]] = ("update", "cell", "account")
     reason: ClassVar[str] = "Many work-items go along the diagonals of a tile, which suits a GPU."
     for_want_of_vectors: ClassVar[bool] = True
 
@@ -40,11 +30,7 @@ class WavefrontTiles(Ordering):
     @property
     def definitions(self) -> dict[str, int]:
         """With the tile."""
-        return {**super().definitions, "TILE_ROWS": self.tile[0], "TILE_COLUMNS": self.tile[1], **self.account}
-
-    def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
-        """Of tiles."""
-        return first_account(images, layout, self.tile, before=_BEFORE, border=1)
+        return {**super().definitions, "TILE_ROWS": self.tile[0], "TILE_COLUMNS": self.tile[1]}
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """As many launches as there are diagonals."""
@@ -52,11 +38,11 @@ class WavefrontTiles(Ordering):
         leftwards, upwards = DIRECTIONS[number]
         rows, columns = -(-run.layout.height // high), -(-run.layout.width // wide)
         events = []
-        shared = {"leftwards": leftwards, "upwards": upwards, "sweeps_before": run.sweeps}
         for diagonal in range(rows + columns - 1):
             first = max(0, diagonal - columns + 1)
             size = ((min(diagonal, rows - 1) - first + 1) * high, run.images)
-            events.append(run.launch(size, (high, 1), tile_diagonal=diagonal, first_tile_row=first, **shared))
+            own = {"leftwards": leftwards, "upwards": upwards, "tile_diagonal": diagonal, "first_tile_row": first}
+            events.append(run.launch(size, (high, 1), **own))
         return events[0]
 
     def _sizes(self) -> tuple[str, ...]:
