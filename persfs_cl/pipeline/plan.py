@@ -26,7 +26,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options, complete
 from persfs_cl.surface.saving import Saving
 
-DEFAULT_ITEMS = "depth,normals,preview,report,solution"
+DEFAULT_ITEMS = "depth,normals,preview,report"
 """What a batch writes of each photo."""
 
 _NOT_OF_THE_RESULT = ("device", "callback", "throw")

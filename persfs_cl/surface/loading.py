@@ -42,7 +42,8 @@ def load(directory: FilePath, *, device: int | str | Device | None = None) -> So
     Parameters
     ----------
     directory : path
-        With depth.npy, solution.npz and report.json, which ``save="solution"`` writes, and every default does.
+        With depth.npy, solution.npz and report.json, which ``save="solution"`` writes, and the default of all but a
+        batch.
     device : None, "cpu", "gpu", int, str or Device
         On which the surface is rendered: as for :func:`reconstruct`. None takes that on which it was found, or the
         first where that is not there.

@@ -57,7 +57,7 @@ def test_each_photo_has_its_folder_and_all_have_a_page(done: Path) -> None:
     for name in ("a.png", "b.png", "deep/a.png"):
         files = {file.name for file in (done / name).iterdir()}
         assert files == {
-            *("camera.json", "depth.npy", "depth.tiff", "solution.npz", "normals.png", "report.json"),
+            *("camera.json", "depth.npy", "depth.tiff", "normals.png", "report.json"),
             *("preview.jpg", "photo.jpg", "relief.js", "record.json"),
         }
     assert {"index.html", "contact.jpg", "summary.csv", "manifest"} <= {file.name for file in done.iterdir()}

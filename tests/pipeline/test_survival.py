@@ -23,7 +23,7 @@ for result in ps.batch(sys.argv[1], sys.argv[2], camera=ps.Camera(30.0), light=p
     print(result.name, flush=True)
 """
 DEFAULT = {
-    *("depth.npy", "depth.tiff", "camera.json", "solution.npz", "normals.png", "report.json"),
+    *("depth.npy", "depth.tiff", "camera.json", "normals.png", "report.json"),
     *("preview.jpg", "photo.jpg", "relief.js"),
 }
 

@@ -133,7 +133,8 @@ def test_what_the_commands_and_batch_write_can_be_loaded(tmp_path: Path) -> None
     assert run("reconstruct", tmp_path / "in" / "photo.png", "-o", tmp_path / "one", *FOCAL).status == 0
     one = ps.load(tmp_path / "one")
     np.testing.assert_array_equal(one.depth, np.load(tmp_path / "one" / "depth.npy"))
-    [result] = ps.batch(tmp_path / "in", tmp_path / "many", camera=ps.Camera(float(FOCAL[1])))
+    camera = ps.Camera(float(FOCAL[1]))
+    [result] = ps.batch(tmp_path / "in", tmp_path / "many", camera=camera, save="depth,preview,solution")
     assert result.error is None
     many = ps.load(tmp_path / "many" / "photo.png")
     np.testing.assert_array_equal(one.depth, many.depth)
