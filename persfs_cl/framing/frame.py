@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
+from persfs_cl.errors import InputError
 from persfs_cl.guide.guide import Points
 
 _HALF = 0.5
@@ -98,12 +99,15 @@ class Frame(ABC):
         least = self.least(values)
         return np.where(np.isfinite(least), least, np.nan)
 
-    def points(self, points: Points) -> Points | None:
-        """Points that are in the new view too; None if there is none."""
+    def points(self, points: Points) -> Points:
+        """Points that are in the new view too; InputError if there is none."""
         places = self.placed(np.stack([points.columns, points.rows], axis=1))
         there = np.isfinite(places).all(axis=1)
+        if not there.any():
+            why = "has no point in the view of the camera: see that it is of this image."
+            raise InputError.about("guide", points, why)
         columns, rows = places[there].T
-        return Points(columns, rows, points.depths[there]) if there.any() else None
+        return Points(columns, rows, points.depths[there])
 
     def colour(self, colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """A picture of shape (height, width, channels), for people to look at."""

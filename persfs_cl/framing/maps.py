@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_array, as_floats, as_mask, to_float64, unlike
-from persfs_cl.errors import InputError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.straightened import Straightened
 from persfs_cl.guide.guide import Points
@@ -58,7 +57,7 @@ class Maps:
             )
         guide = self.guide
         if guide is not None:
-            guide = _points(guide, frame) if isinstance(guide, Points) else frame.guide(guide)
+            guide = frame.points(guide) if isinstance(guide, Points) else frame.guide(guide)
         return Maps(
             None if self.mask is None else frame.mostly(self.mask),
             None if self.walls is None else frame.anywhere(self.walls),
@@ -67,13 +66,6 @@ class Maps:
             within,
             guide,
         )
-
-
-def _points(points: Points, frame: Frame) -> Points:
-    found = frame.points(points)
-    if found is None:
-        raise InputError.about("guide", points, "has no point in the view of the camera: see that it is of this image.")
-    return found
 
 
 def straighten(

@@ -14,6 +14,7 @@ from persfs_cl.camera import Camera
 from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
 from persfs_cl.framing.frame import Frame
+from persfs_cl.guide.cells import part_of
 from persfs_cl.lens import Distortion, Fisheye, opencv, unfolded
 
 _WIDEST_VIEW = 70.0
@@ -29,12 +30,13 @@ _LEAST, _MUCH = 0.05, 0.5
 
 
 @lru_cache(maxsize=64)
-def _straight(camera: Camera, old_shape: tuple[int, int]) -> tuple[Camera, tuple[int, int], Mask]:
-    """The new camera, (height, width) of its image, and where in this, in a few squares, the lens folds what it shows.
+def _straight(camera: Camera, old_shape: tuple[int, int]) -> tuple[Camera, tuple[int, int], Mask, float]:
+    """The new camera, (height, width) of its image, where in this the lens folds what it shows, and what is kept.
 
-    There it would show a second time what it shows nearer the axis.
+    Folds are told of a few squares: there the lens would show a second time what it shows nearer the axis. What is kept
+    is a share of the old image.
     """
-    left, top, right, bottom = _seen(camera, old_shape)
+    (left, top, right, bottom), kept = _seen(camera, old_shape)
     column, row = camera.centre(old_shape)
     new = (right - left) * camera.fx * (bottom - top) * camera.fy
     shorter = min(1.0, math.sqrt(_MOST * old_shape[0] * old_shape[1] / new))
@@ -49,11 +51,11 @@ def _straight(camera: Camera, old_shape: tuple[int, int]) -> tuple[Camera, tuple
     )
     pixels = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
     fine = unfolded(_bent(camera), straight.places(pixels, (height, width)))
-    return straight, (height, width), ~fine.reshape(down.size, across.size)
+    return straight, (height, width), ~fine.reshape(down.size, across.size), kept
 
 
-def _seen(camera: Camera, old_shape: tuple[int, int]) -> tuple[float, float, float, float]:
-    """The box of normalised places that the old image shows, its pixels to their outer edges."""
+def _seen(camera: Camera, old_shape: tuple[int, int]) -> tuple[tuple[float, float, float, float], float]:
+    """The box of normalised places that the old image shows, its pixels to their outer edges, and the share in it."""
     height, width = old_shape
     across, down = (np.linspace(-0.5, size - 0.5, min(size + 1, _SAMPLES)) for size in (width, height))
     pixels = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
@@ -69,12 +71,7 @@ def _seen(camera: Camera, old_shape: tuple[int, int]) -> tuple[float, float, flo
             f"leaves {100 * kept:.2g} % of an image of {width} × {height} pixels that a pinhole camera could see: "
             "check it, the focal length and the principal point, all in pixels of this very image, not in millimetres.",
         )
-    if kept < _MUCH:
-        warn(
-            f"Of an image of {width} × {height} pixels the distortion of the lens leaves {100 * kept:.2g} %: the rest "
-            f"is farther than {_WIDEST_VIEW:g}° from the optical axis, or beyond where the coefficients hold."
-        )
-    return float(left), float(top), float(right), float(bottom)
+    return (float(left), float(top), float(right), float(bottom)), kept
 
 
 def _bent(camera: Camera) -> Distortion:
@@ -101,11 +98,22 @@ class Straightened(Frame):
     ------
     CameraError
         When the lens shows nothing of what a pinhole camera could see, or OpenCV is not installed.
+
+    Warns
+    -----
+    UserWarning
+        When less than half of the image is kept.
     """
 
     def __init__(self, camera: Camera, old_shape: tuple[int, int]) -> None:
         self._old, self.old_shape = camera, old_shape
-        self.camera, self.shape, self._folded = _straight(camera, old_shape)
+        self.camera, self.shape, self._folded, kept = _straight(camera, old_shape)
+        if kept < _MUCH:
+            warn(
+                f"Of an image of {old_shape[1]} × {old_shape[0]} pixels the distortion of the lens leaves "
+                f"{100 * kept:.2g} %: the rest is farther than {_WIDEST_VIEW:g}° from the optical axis, or beyond "
+                "where the coefficients hold."
+            )
 
     @cached_property
     def _coordinates(self) -> NDArray[np.float32]:
@@ -123,10 +131,7 @@ class Straightened(Frame):
             columns, rows = cv2.initUndistortRectifyMap(old, np.array(distortion), None, new, size, cv2.CV_32FC1)
         found = np.stack([rows, columns])
         if self._folded.any():
-            height, width = self.shape
-            down, across = (
-                np.arange(side) * count // side for side, count in zip((height, width), self._folded.shape, strict=True)
-            )
+            down, across = (part_of(side, count) for side, count in zip(self.shape, self._folded.shape, strict=True))
             found[:, self._folded[np.ix_(down, across)]] = _NOWHERE
         return found
 
@@ -191,7 +196,7 @@ class Straightened(Frame):
             min(new, max(1, round(count * new / size)))
             for count, new, size in zip(guide.shape, self.shape, self.old_shape, strict=True)
         ]
-        down, across = (np.arange(side) * count // side for side, count in zip(self.shape, cells, strict=True))
+        down, across = (part_of(side, count) for side, count in zip(self.shape, cells, strict=True))
         cell = (down[:, None] * cells[1] + across)[inside]
         known = ~np.isnan(says)
         count = np.bincount(cell[known], minlength=cells[0] * cells[1])

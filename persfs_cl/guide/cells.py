@@ -58,7 +58,7 @@ class Cells:
         rows, columns = -(-rows // edge), -(-columns // edge)
         if (rows, columns) != guide.shape:
             guide = _reduced(guide, (rows, columns))
-        down, across = (_part_of(length, count) for length, count in zip(shape, guide.shape, strict=True))
+        down, across = (part_of(length, count) for length, count in zip(shape, guide.shape, strict=True))
         of_pixel = np.where(wanted, down[:, None] * guide.shape[1] + across, _NOWHERE)
         says = ~np.isnan(guide.ravel())
         of_pixel[~says[of_pixel] & (of_pixel >= 0)] = _NOWHERE
@@ -215,14 +215,14 @@ def medians(values: Array, groups: NDArray[np.integer], count: int) -> Array:
     return np.where(sizes > 0, middle, np.nan)
 
 
-def _part_of(length: int, count: int) -> NDArray[np.int64]:
+def part_of(length: int, count: int) -> NDArray[np.int64]:
     """In which of so many equal parts of a length each of its pixels has its middle."""
     return ((2 * np.arange(length) + 1) * count) // (2 * length)
 
 
 def _reduced(guide: Array, shape: tuple[int, int]) -> Array:
     """A map with fewer pixels, by medians; NaN where there is nothing."""
-    down, across = (_part_of(count, length) for count, length in zip(guide.shape, shape, strict=True))
+    down, across = (part_of(count, length) for count, length in zip(guide.shape, shape, strict=True))
     groups = down[:, None] * shape[1] + across
     there = ~np.isnan(guide)
     return medians(guide[there], groups[there], shape[0] * shape[1]).reshape(shape)
