@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from persfs_cl.arrays import Mask
 from persfs_cl.errors import InputError, UnavailableError
 from persfs_cl.preparation.normalise import checked
-from persfs_cl.wording import keyword
 
 _LEAST = 0.001
 """Share of the image that an object takes at least."""
@@ -65,7 +64,7 @@ def silhouette(image: ArrayLike, *, mask: ArrayLike | None = None) -> Mask:
         raise InputError(
             "no object stands out from a dark background: give a mask of your own, or leave it out.",
             argument="mask",
-            value=keyword("mask", "auto"),
+            value="auto",
         )
     return np.asarray(found)
 

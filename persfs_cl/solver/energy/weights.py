@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from persfs_cl.arrays import Array, Mask
+from persfs_cl.arrays import Array
+from persfs_cl.preparation.denoise import noise_of
 from persfs_cl.quantiles import median, quantile
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -157,24 +158,6 @@ def weights_for(
         crease=0.02,
         white_is_free=prior_spacing is not None or not np.isnan(view.known).all(),
     )
-
-
-def noise_of(image: Array, there: Mask) -> float:
-    """Standard deviation of the noise of an image, by what no smooth image has: second differences of second ones.
-
-    The median of their absolute values counts, so that edges and outliers play no part (Immerkaer 1996).
-    """
-    if min(image.shape) < 3:
-        return 0.0
-    rows = image[:-2] - 2.0 * image[1:-1] + image[2:]
-    both = rows[:, :-2] - 2.0 * rows[:, 1:-1] + rows[:, 2:]
-    if there.all():
-        inside = both
-    else:
-        held = there[:-2] & there[1:-1] & there[2:]
-        inside = both[held[:, :-2] & held[:, 1:-1] & held[:, 2:]]
-    # The squares of the nine weights add up to 36.
-    return _NORMAL / 6.0 * median(np.abs(inside)) if inside.size else 0.0
 
 
 def spread_of(view: View, start: Array, light: Light, reflectance: Reflectance, dark: float) -> float:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl.bench.terrain import Terrain, prior_of_blocks
 from persfs_cl.choices import Precision
+from persfs_cl.preparation.denoise import noise_of
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.energy.minimise import Minimum, Stopping, estimated_distance
 from persfs_cl.solver.energy.regularised import Sought, regularised
-from persfs_cl.solver.energy.weights import noise_of
 
 Array = NDArray[np.float64]
 
