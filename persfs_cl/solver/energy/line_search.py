@@ -62,8 +62,7 @@ def search(descent: Descent, here: Sums, slope: float, white: float, length: flo
         found = Reached(length, change, descent.linearise(white))
         if best is not None and not found.sums.energy <= best.sums.energy:
             descent.go_back()
-            change = descent.move(best.length)
-            return Reached(best.length, change, descent.linearise(white))
+            break
         bend = (found.sums.energy - here.energy + length * slope) / length**2
         lowest = 0.5 * slope / bend if bend > 0.0 else math.inf
         if found.sums.energy <= here.energy:
