@@ -9,6 +9,7 @@ import pickle
 import shutil
 import signal
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -103,15 +104,17 @@ def manifest(output: Path | str) -> dict[str, Record]:
 
 def die_after(count: int, witness: str) -> None:
     """Let this worker end as by a crash when it has written so many results, whose records it copies."""
-    put, written = store._FolderShelf.put, []
+    put, written, one_by_one = store._FolderShelf.put, [], threading.Lock()
 
     def counted(self: Any, name: str, fill: Callable[[Path], Record]) -> Record:
         record = put(self, name, fill)
-        written.append(name)
-        if len(written) == count:
-            for one in written:
-                shutil.copy(self._root / one / store.RECORD, Path(witness) / one)
-            os.kill(os.getpid(), signal.SIGKILL)
+        # Several threads write: those that end while the last is counted wait here for the end of the process.
+        with one_by_one:
+            written.append(name)
+            if len(written) == count:
+                for one in written:
+                    shutil.copy(self._root / one / store.RECORD, Path(witness) / one)
+                os.kill(os.getpid(), signal.SIGKILL)
         return record
 
     store._FolderShelf.put = counted  # type: ignore[method-assign]
