@@ -68,8 +68,8 @@ def _of_batch(plan: Plan) -> list[Record]:
     records = []
     # Of the first half, the process has not seen the large one yet.
     for workload, said, peak, images, pixels in (
-        (half, _MEMORY, taken.peaks[count // 2 - 1], count // 2, 0),
-        (whole, taken.said, max(taken.peaks), count + 1, size),
+        (half, _MEMORY, taken.half, count // 2, 0),
+        (whole, taken.said, taken.whole, count + 1, size),
     ):
         bound = BYTES_PER_PROCESS + said
         values = {
@@ -97,12 +97,14 @@ class Taken:
     ----------
     said : int
         Bytes that its photographs may take together, by what is said of a batch.
-    peaks : list of int
-        Bytes that its process had had at most by the time of each result, in their order.
+    first, half, whole : int
+        Bytes that its process had had at most by the time of the first result, of half of the tiny ones, and of all.
     """
 
     said: int
-    peaks: list[int]
+    first: int
+    half: int
+    whole: int
 
 
 def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, precision: Precision = "float32") -> Taken:
@@ -112,7 +114,7 @@ def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, pre
     ----------
     device : Device
     tiny : int
-        How many.
+        How many, two or more.
     side : int
         Pixels a side of the large one.
     memory : int
@@ -127,8 +129,8 @@ def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, pre
         Of a photograph that fails.
     """
     _write(folder / "in", tiny, side)
-    peaks = []
-    for result in ps.batch(
+    peaks = {}
+    results = ps.batch(
         folder / "in",
         folder / "out",
         camera=ps.Camera(float(side)),
@@ -137,11 +139,14 @@ def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, pre
         max_memory=memory,
         device=device.index,
         precision=precision,
-    ):
+    )
+    for number, result in enumerate(results, 1):
         if result.error is not None:
             raise result.error
-        peaks.append(max(peaks_of_workers().values(), default=0))
-    return Taken(max(memory, bytes_for(side**2, Saving.of(_SAVE))), peaks)
+        if number in (1, tiny // 2, tiny + 1):
+            peaks[number] = max(peaks_of_workers().values(), default=0)
+    said = max(memory, bytes_for(side**2, Saving.of(_SAVE)))
+    return Taken(said, peaks[1], peaks[tiny // 2], peaks[tiny + 1])
 
 
 def _write(folder: Path, tiny: int, side: int) -> None:

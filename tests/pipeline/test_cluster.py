@@ -46,7 +46,7 @@ if importlib.util.find_spec("distributed") is None:
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
 COUNT = 30
-SAVE = "depth,normals,report"
+SAVE = "depth.npy,normals.npy,report"
 OF_THE_RUN = {"report.json", "record.json"}
 """They say how long it took, and when."""
 
