@@ -36,6 +36,8 @@ _BLOCKS = {
 }
 
 
+# Each further call of the whole compiles programs of its own.
+@pytest.mark.quick_where(holds=lambda given: given["kind"] != "reconstruct" or given["first"] == 0)
 @pytest.mark.parametrize(
     ("kind", "first"),
     [(kind, _SEEDS * block) for kind, blocks in _BLOCKS.items() for block in range(blocks)],
