@@ -26,8 +26,6 @@ from persfs_cl.pipeline.workers import Setting
 from persfs_cl.surface.saving import Saving
 
 SHAPE = (24, 30)
-_LARGEST = 1000
-"""Pixels a side that a photo is drawn with; a larger one is enlarged, which takes less memory."""
 FOCAL = 30.0
 LIGHT = ps.FlashLight()
 PLAN = Plan(camera=CameraChoice(FOCAL), light=LIGHT, saving=Saving.of("depth.npy"))
@@ -36,12 +34,8 @@ PLAN = Plan(camera=CameraChoice(FOCAL), light=LIGHT, saving=Saving.of("depth.npy
 def photos(folder: Path, count: int, shape: tuple[int, int] = SHAPE, *, first: int = 0) -> list[str]:
     """Write photos of bumps, each of another brightness, and return their names."""
     folder.mkdir(parents=True, exist_ok=True)
-    drawn = (min(shape[0], _LARGEST), min(shape[1], _LARGEST))
-    image = ps.bump(drawn, light=LIGHT).image
+    image = ps.bump(shape, light=LIGHT).image
     image /= image.max()
-    if drawn != shape:
-        image = np.asarray(Image.fromarray(image.astype(np.float32)).resize(shape[::-1], Image.Resampling.BICUBIC))
-        image = image.clip(0.0, 1.0)
     names = [f"{number:05}.png" for number in range(first, first + count)]
     for number, name in enumerate(names, first):
         Image.fromarray((255 * image * (0.5 + 0.5 * (number * 0.618 % 1.0))).astype(np.uint8)).save(folder / name)

@@ -77,10 +77,11 @@ def test_readme_has_examples_of_both_kinds_and_output() -> None:
 def is_quick(example: Example) -> bool:
     """Whether an example is run by the quick tests.
 
-    Those of other pages use again what those of README use, and compile more kernels. Of README two start several
-    commands that have tests of their own in tests/cli: with a configuration, and with a folder of photographs.
+    Those of other pages use again what those of README use, and compile more kernels. Of README three start several
+    processes that have tests of their own, in tests/cli and tests/pipeline: with a configuration, and with some
+    photographs, by the command and by the library.
     """
-    return example.page == "README.md" and not re.search("--config|persfs-cl batch", example.text)
+    return example.page == "README.md" and not re.search(r"--config|persfs-cl batch|ps\.batch", example.text)
 
 
 @pytest.mark.quick_where(holds=lambda given: is_quick(given["example"]))

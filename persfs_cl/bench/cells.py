@@ -54,11 +54,13 @@ def by_quantity(records: Records) -> dict[tuple[str, str], dict[str, Record]]:
     return places
 
 
-def a_column_each(head: str, quantities: Mapping[str, str], records: Records) -> str:
+def a_column_each(
+    head: str, quantities: Mapping[str, str], records: Records, form: Callable[[float | None], str] = two_digits
+) -> str:
     """A row each workload, a column each of the quantities, which have units."""
     found: dict[str, dict[str, str]] = {}
     for record in records:
-        found.setdefault(record.workload, {})[record.quantity] = value_cell(record, two_digits)
+        found.setdefault(record.workload, {})[record.quantity] = value_cell(record, form)
     header = (head, *(f"{name}, {unit}".rstrip(", ") for name, unit in quantities.items()))
     rows = [(name, *(cells.get(quantity, "") for quantity in quantities)) for name, cells in found.items()]
     return markdown_table(header, rows, words=1)

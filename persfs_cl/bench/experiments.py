@@ -28,6 +28,7 @@ from persfs_cl.bench.flash import flash
 from persfs_cl.bench.folder import folder
 from persfs_cl.bench.guided import guided
 from persfs_cl.bench.masked import masked
+from persfs_cl.bench.memory import memory
 from persfs_cl.bench.outline import outline
 from persfs_cl.bench.painted import painted
 from persfs_cl.bench.photograph import photograph
@@ -43,7 +44,6 @@ Experiment = Callable[[Plan], Iterator[list[Record]]]
 
 _NUMPY_SIZE = 256
 _BATCH_SIZE = 512
-_MEMORY_SIZE = 4096
 
 
 def orderings(plan: Plan) -> Iterator[list[Record]]:
@@ -154,32 +154,6 @@ def compilation(plan: Plan) -> Iterator[list[Record]]:
             )
             for state, values in seconds.items()
         ]
-
-
-def memory(plan: Plan) -> Iterator[list[Record]]:
-    """Peak memory of a process that reconstructs one image."""
-    size = plan.size(_MEMORY_SIZE)
-    used = fresh.run_fresh("memory", str(plan.device.index), str(size), plan.precision)
-    on_host = " and its device's arrays, which are memory of the host too" if plan.device.kind == "cpu" else ""
-    values = {
-        "peak memory": (used["peak"] / 2**20, "MiB", f"of the process{on_host}"),
-        "before the image": (used["before"] / 2**20, "MiB", "interpreter, libraries and driver"),
-        "memory a pixel": ((used["peak"] - used["before"]) / size**2, "B", "what the image adds"),
-    }
-    yield [
-        Record.of(
-            [value],
-            experiment="memory",
-            workload="wavefront",
-            quantity=quantity,
-            unit=unit,
-            size=size,
-            images=1,
-            precision=plan.precision,
-            detail=detail,
-        )
-        for quantity, (value, unit, detail) in values.items()
-    ]
 
 
 def _iterations(plan: Plan, size: int, orderings: Sequence[str], *, images: int = 1) -> list[Workload]:

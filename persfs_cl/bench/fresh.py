@@ -11,10 +11,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import persfs_cl as ps
+from persfs_cl.bench.peaks import peak_memory
 from persfs_cl.bench.workloads import smooth_image
 from persfs_cl.choices import Precision
 from persfs_cl.errors import PersfsError
@@ -83,20 +83,6 @@ def _seconds(size: int, device: int, ordering: str, precision: Precision) -> flo
         tolerance=0.0,
     )
     return time.perf_counter() - began
-
-
-def peak_memory() -> int:
-    """Largest memory that this process has had so far, in bytes."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        # Linux hands its getrusage figure down from the process that started this one.
-        for line in status.read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):
-                return 1024 * int(line.split()[1])
-    import resource  # noqa: PLC0415 - not at the top, for Windows has none
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
 
 
 def _main(what: str, device: str, *rest: Any) -> None:

@@ -43,7 +43,7 @@ class Plan:
     band_rows, work_groups : tuple of int or None
         Likewise: heights of a band, and how many groups run side by side; None = what suits image and device.
     tasks : int
-        Photographs of the experiment on handing them out.
+        Photographs of the experiment on handing them out, and ten times as many as those of the one on memory.
     endoscopy : Path or None
         Folder of the endoscope's frame, which comes with no package.
     """

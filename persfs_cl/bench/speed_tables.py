@@ -11,6 +11,7 @@ from persfs_cl.bench.cells import (
     SPREAD,
     Records,
     Tables,
+    a_column_each,
     by_quantity,
     factor_cell,
     iterations_cell,
@@ -21,6 +22,7 @@ from persfs_cl.bench.cells import (
 from persfs_cl.bench.convergence import ELAPSED
 from persfs_cl.bench.flash import PIXELS, PIXELS_UNIT
 from persfs_cl.bench.masked import BOX, CASES, FRAME, RATIO
+from persfs_cl.bench.memory import OF_PHOTOGRAPHS, OF_PROCESS, ONE, PEAK, SHARE
 from persfs_cl.bench.rates import PLAIN_C, RATE, RATE_UNIT
 from persfs_cl.bench.report import number
 from persfs_cl.bench.results import Record
@@ -166,8 +168,15 @@ def _memory(records: Records) -> str:
     rows = [
         (pixels_cell(record), record.quantity, f"{value_cell(record)} {record.unit}", record.detail)
         for record in records
+        if record.workload == ONE
     ]
     return markdown_table(("pixels", "quantity", "value", "what"), rows, words=2, remarks=True)
+
+
+def _room(records: Records) -> str:
+    batch = [record for record in records if record.workload != ONE]
+    columns = {OF_PHOTOGRAPHS: "MiB", OF_PROCESS: "MiB", PEAK: "MiB", SHARE: ""}
+    return a_column_each("photographs", columns, batch, number)
 
 
 def _tasks(records: Records) -> str:
@@ -205,6 +214,7 @@ SPEED_TABLES: Tables = {
     "distance": ("distance", _distance),
     "compilation": ("compilation", _compilation),
     "memory": ("memory", _memory),
+    "room": ("memory", _room),
     "tasks": ("tasks", _tasks),
     "folder": ("folder", _folder),
     "photograph": ("photograph", _tasks),

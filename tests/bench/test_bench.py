@@ -18,18 +18,19 @@ from command import run
 import persfs_cl as ps
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
-from persfs_cl.bench import accuracy, baselines, experiments, fresh, plots
+from persfs_cl.bench import accuracy, baselines, experiments, fresh, memory, photograph, plots
 from persfs_cl.bench.baselines import Baseline
 from persfs_cl.bench.calls import FAST_MARCHING
 from persfs_cl.bench.experiments import EXPERIMENTS
 from persfs_cl.bench.fresh import FreshProcessError, run_fresh
-from persfs_cl.bench.photograph import photograph
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.rates import PLAIN_C, measured
 from persfs_cl.bench.results import Record, write_csv, write_json
+from persfs_cl.bench.tables import contents
 from persfs_cl.bench.timing import Spread, Work, take_turns, warm_up
 from persfs_cl.bench.workloads import Workload
 from persfs_cl.choices import Surface
+from persfs_cl.environment import environment
 from persfs_cl.errors import UnavailableError
 from persfs_cl.solver.options import complete
 from persfs_cl.solver.problem import Problem, prepare
@@ -318,14 +319,31 @@ def test_experiments_in_processes_of_their_own(
 
     # What another process would have to compile first.
     monkeypatch.setattr(fresh, "run_fresh", here)
-    (sizes,) = experiments.memory(plan)
+    # The batch itself is run in tests/pipeline/test_room.py.
+    monkeypatch.setattr(memory, "take", lambda *_: memory.Taken(2**29, 2**27, 2**28, 2**29))
+    sizes, rooms = memory.memory(replace(plan, tasks=20))
     by_quantity = {record.quantity: record.median or 0.0 for record in sizes}
     assert by_quantity["peak memory"] >= by_quantity["before the image"] > 10
-    for whole in photograph(plan):
-        assert [record.quantity for record in whole] == ["from start to end", "processor time", "peak memory"]
-        seconds, processor, peak = (record.median or 0.0 for record in whole)
-        assert (seconds > 0.1, processor > 0.1, peak > 50) == (True, True, True)
-        assert whole[0].detail.startswith("17 files, ")
+    found = {(record.workload, record.quantity): record.median or 0.0 for record in rooms}
+    half, whole = "1 of 24 × 30", "2 of 24 × 30 and one of 64²"
+    assert {workload for workload, _ in found} == {half, whole}
+    assert [found[half, quantity] for quantity in (memory.OF_PHOTOGRAPHS, memory.PEAK)] == [256, 256]
+    assert [found[whole, quantity] for quantity in (memory.OF_PHOTOGRAPHS, memory.PEAK)] == [512, 512]
+    assert found[whole, memory.OF_PROCESS] == 512 + 500
+    assert found[whole, memory.SHARE] == pytest.approx(512 / 1012)
+    monkeypatch.setattr(memory, "tells_of_others", lambda: False)
+    _, (untold,) = memory.memory(plan)
+    assert untold.detail.startswith("skipped: this system does not tell")
+    table = contents(environment(device, ""), [*sizes, untold])["room"]
+    assert "skipped: this system does not tell" in table
+    # Of both kinds of photographs the one whose files take longer to decode.
+    *_, (kind, how) = photograph._PHOTOS.items()
+    monkeypatch.setattr(photograph, "_PHOTOS", {kind: how})
+    (whole,) = photograph.photograph(plan)
+    assert [record.quantity for record in whole] == ["from start to end", "processor time", "peak memory"]
+    seconds, processor, peak = (record.median or 0.0 for record in whole)
+    assert (seconds > 0.1, processor > 0.1, peak > 50) == (True, True, True)
+    assert whole[0].detail.startswith("17 files, ")
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ def python(script: str, *arguments: str) -> str:
     """What a script prints. One that hangs fails."""
     # The warning is of Python 3.12, and says what the test is about.
     command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", script, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 
@@ -133,7 +133,7 @@ finally:
 def interrupted(at: int, folder: Path) -> subprocess.CompletedProcess[str]:
     """The command, with Ctrl-C at the import of this number."""
     command = [sys.executable, "-c", INTERRUPTED_AT_AN_IMPORT, str(at), *RENDER, "--overwrite"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_ctrl_c_at_any_import_is_quiet(first: tuple[int, ...], parts: tuple[int,
 )
 def test_results_are_written_whatever_the_streams_are(streams: str, status: int, said: str, depth: Path) -> None:
     command = ["sh", "-c", f'"$@" {streams}', "sh", sys.executable, "-m", "persfs_cl", *RENDER]
-    done = subprocess.run(command, cwd=depth, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, cwd=depth, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == status
     assert done.stdout.strip() == ("image.png" if status == 0 else "")
     lines = done.stderr.splitlines()
@@ -183,7 +183,7 @@ def test_a_reader_that_left_is_no_reason_to_complain(depth: Path) -> None:
     theirs, ours = os.pipe()
     os.close(theirs)
     command = [sys.executable, "-m", "persfs_cl", *RENDER]
-    done = subprocess.run(command, cwd=depth, stdout=ours, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+    done = subprocess.run(command, cwd=depth, stdout=ours, stderr=subprocess.PIPE, text=True, check=False, timeout=600)
     os.close(ours)
     assert done.returncode == 1
     assert done.stderr == "White is a brightness of 1.\n"

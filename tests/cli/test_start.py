@@ -67,10 +67,10 @@ def test_module_as_a_command(tmp_path: Path) -> None:
     ("line", "offered"),
     [
         ("persfs-cl recon", ["reconstruct"]),
-        ("persfs-cl reconstruct --hei", []),
+        pytest.param("persfs-cl reconstruct --hei", [], marks=pytest.mark.thorough),
         ("persfs-cl reconstruct --despe", ["--despeckle"]),
         ("persfs-cl reconstruct --highlights ", ["keep", "mask", "fill"]),
-        ("persfs-cl reconstruct --ordering w", ["wavefront"]),
+        pytest.param("persfs-cl reconstruct --ordering w", ["wavefront"], marks=pytest.mark.thorough),
     ],
 )
 def test_completion(line: str, offered: list[str]) -> None:

@@ -186,4 +186,4 @@ def test_takes_some_hundredths_of_a_second(tmp_path: Path) -> None:
         write_preview(tmp_path, found, photo, name="a")
         spent.append(time.process_time() - start)
     # 0.02 on a processor of 2021; Matplotlib's pictures take a hundred times as long.
-    assert min(spent) < 0.2
+    assert min(spent) < 1.0

@@ -271,7 +271,7 @@ with filling(sys.argv[1]) as folder, atomic_path(Path(sys.argv[1]) / "a.npy") as
     for place in (folder / "depth.npy", file):
         place.write_text("half")
     print("ready", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 
 

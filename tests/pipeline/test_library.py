@@ -93,7 +93,7 @@ def test_a_plain_script_needs_no_guard_and_may_have_lights_in_modules_of_its_own
     elsewhere.mkdir()
     (elsewhere / "queue.py").write_text("raise SystemExit('the wrong module')")
     command = [sys.executable, str(script), str(tmp_path / "in")]
-    done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False, timeout=600)
     assert (done.returncode, done.stderr) == (0, "")
     first, *rest = done.stdout.splitlines()
     assert (first, sorted(rest)) == ("begun", [f"{name} CONVERGED {name}" for name in names])

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from batches import PLAN, photos, require_whole
+from processes import wait_until
 
 import persfs_cl as ps
 from persfs_cl.pipeline import health, station
@@ -72,8 +73,7 @@ def test_of_photos_that_share_launches_only_the_one_to_blame_fails(
 
     def wait_a_moment(device: Station) -> None:
         # Some may have been taken by themselves; all others are ready then.
-        while sum(groups) + len(device._ready) < 8:
-            time.sleep(0.005)
+        wait_until(lambda: sum(groups) + len(device._ready) >= 8)
         released.set()
 
     found = outcomes(tmp_path, wait_a_moment)
@@ -168,9 +168,10 @@ def test_room_is_taken_in_the_order_of_asking() -> None:
         room.give_back(taken)
 
     threads = [threading.Thread(target=take, args=(wanted,)) for wanted in (99, 1)]
-    for thread in threads:
-        thread.start()
-        time.sleep(0.05)
+    threads[0].start()
+    wait_until(room._turn.locked)
+    threads[1].start()
+    time.sleep(0.05)
     assert order == [], "what is small does not overtake what is large"
     room.give_back(first)
     for thread in threads:

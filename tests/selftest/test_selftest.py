@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import wait_until
 from typer.testing import CliRunner
 
 import persfs_cl as ps
@@ -290,32 +291,33 @@ def test_a_hang_is_ended_with_all_that_it_started(tmp_path: Path) -> None:
     body = f"""
         import subprocess
         passed(0)
-        say("begin", case=1)
         helper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
         open({str(tmp_path / "helper")!r}, "w").write(str(helper.pid))
+        say("begin", case=1)
         time.sleep(600)
     """
-    report = examine(script(tmp_path, body), quick=True, case_limit=1.5)
+    # Time enough for a process to start on a slow machine that others use too.
+    report = examine(script(tmp_path, body), quick=True, case_limit=4.0)
     assert report.failures == [
-        f"unusable here: no answer within 1.5 s while compiling lax_friedrichs in float32: wavefront ({SECOND})"
+        f"unusable here: no answer within 4 s while compiling lax_friedrichs in float32: wavefront ({SECOND})"
     ]
     assert [result["status"] for result in report.results][:3] == ["ok", "failed", "skipped"]
-    assert report.seconds < 30
+    assert report.seconds < 500
     if os.name == "posix":
         assert_ended(int((tmp_path / "helper").read_text()))
 
 
 def assert_ended(process: int) -> None:
     """Or soon: one that was killed may be there until it is collected."""
-    for _ in range(100):
+
+    def has_ended() -> bool:
         try:
             os.kill(process, 0)
-            if Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
-                return
+            return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
         except (ProcessLookupError, FileNotFoundError):
-            return
-        time.sleep(0.05)
-    pytest.fail(f"process {process} is still there")
+            return True
+
+    wait_until(has_ended)
 
 
 @pytest.mark.parametrize(
@@ -512,12 +514,9 @@ sys.modules["persfs_cl.cli.devices"].child_command = lambda device: {started!r}
 room.app(["devices", "--check", "--device=0"])
 """
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    for _ in range(1200):
-        if note.exists() and note.read_text():
-            break
-        time.sleep(0.05)
+    wait_until(lambda: (note.exists() and note.read_text() != "") or process.poll() is not None)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=600)
     assert process.returncode == 130
     assert errors == "persfs-cl: interrupted.\n"
     assert_ended(int(note.read_text()))

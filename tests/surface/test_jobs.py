@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import wait_until
 
 import persfs_cl as ps
 from persfs_cl.errors import PersfsWarning
@@ -44,7 +45,7 @@ def test_threads_write_the_same_bytes_and_say_so_in_the_same_order(solution: Sol
 
 def test_what_several_files_need_is_computed_once(solution: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[int] = []
-    begun = threading.Barrier(4, timeout=30)
+    begun = threading.Barrier(4, timeout=600)
     normals = Solution.normals
 
     def counted(surface: Solution) -> Any:
@@ -81,25 +82,26 @@ def test_a_picture_that_fails_is_told_of_by_the_thread_that_asked(
 
 
 def test_after_an_error_nothing_more_is_begun() -> None:
-    begun, go = threading.Event(), threading.Event()
-    later: list[Callable[[], object]] = []
+    begun, ended = threading.Event(), threading.Event()
+    later: list[Any] = []
 
     def wait() -> None:
         begun.set()
-        go.wait(30)
+        # Until what was to come later is cancelled, however late the other thread comes to that.
+        wait_until(lambda: bool(later) and later[0].__self__.cancelled())
+        ended.set()
 
     def fail_while_others_work() -> None:
         with Jobs(2) as jobs:
             jobs.add(wait)
             jobs.add(wait)
             later.append(jobs.add(lambda: None))
-            begun.wait(30)
-            threading.Timer(0.1, go.set).start()
+            begun.wait()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         fail_while_others_work()
-    assert go.is_set()
+    assert ended.is_set()
     with pytest.raises(CancelledError):
         later[0]()
 
