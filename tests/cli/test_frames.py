@@ -271,8 +271,14 @@ def test_files_that_there_are_not_of_a_surface(bent: Path) -> None:
     outcome = run(*common, "--save", "guide.png")
     assert outcome.status == 1
     assert "There is no guide.png of this surface" in outcome.stderr
-    outcome = run(*common, "--save", "depth,solid", "--width", "1e-9")
-    assert outcome.status == 0
+    outcome = run(*common, "--save", "depth,guide.png", "--overwrite")
+    assert outcome.status == 1
+    assert "guide.png could not be made: there is none of this surface, so leave it out." in outcome.stderr
+    assert {path.name for path in (bent.parent / "out").iterdir()} >= {"depth.npy", "camera.json"}
+    # That a group has pictures which there are not of every surface is no failure.
+    assert run(*common, "--save", "depth,pictures", "--overwrite").status == 0
+    outcome = run(*common, "--save", "depth,solid", "--width", "1e-9", "--overwrite")
+    assert outcome.status == 1
     assert "solid.stl could not be made" in outcome.stderr
     assert (bent.parent / "out" / "depth.npy").exists()
     assert not (bent.parent / "out" / "solid.stl").exists()

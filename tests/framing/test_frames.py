@@ -17,6 +17,7 @@ from persfs_cl.framing.maps import Maps
 from persfs_cl.framing.reduced import Reduced, reduced_shape
 from persfs_cl.framing.straightened import Straightened
 from persfs_cl.pipeline.frames import in_depth
+from persfs_cl.surface.outcome import Taken
 
 SHAPE = (96, 128)
 BARREL = ps.Camera(150.0, distortion=(-0.25, 0.06, 0.002, -0.001))
@@ -171,6 +172,20 @@ def test_what_does_not_fit_the_bent_image_is_refused(name: str, given: Any) -> N
         ps.reconstruct(flashed(BARREL, SHAPE), BARREL, light=ps.FlashLight(), **{name: given})
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("masked", [False, True])
+def test_pixels_without_a_value_are_counted_in_the_image_that_was_given(value: float, masked: bool) -> None:
+    image = flashed(BARREL, SHAPE).copy()
+    image[60, 60:63] = image[20, 20] = value
+    mask = np.ones(SHAPE, bool)
+    mask[20, 20] = not masked
+    said = f"image holds {3 if masked else 4} NaN or infinite values inside the mask"
+    with pytest.raises(InputError, match=said):
+        ps.reconstruct(image, BARREL, light=ps.FlashLight(), mask=mask)
+    solution = ps.reconstruct(image, BARREL, light=ps.FlashLight(), mask=mask & np.isfinite(image))
+    assert np.isfinite(solution.depth[solution.solved]).all()
+
+
 def test_a_guide_that_says_nothing_of_the_view_is_refused() -> None:
     maps = Maps(guide=ps.Points([1e6], [1e6], [1.0]))
     with pytest.raises(InputError, match=r"guide.* no point"):
@@ -224,9 +239,9 @@ def test_a_lens_with_prisms_is_straightened() -> None:
 @pytest.mark.parametrize("camera", [BARREL, LENSES[-1], PRISMS], ids=["opencv", "fisheye", "prisms"])
 def test_what_took_the_image_is_saved_with_the_surface(camera: ps.Camera, tmp_path: Path) -> None:
     solution = ps.reconstruct(flashed(camera, SHAPE), camera, light=ps.FlashLight())
-    assert solution.taken_by == (camera, SHAPE)
+    assert solution.taken_by == Taken(camera, SHAPE)
     solution.save(tmp_path, save="depth,solution")
-    assert ps.load(tmp_path).taken_by == (camera, SHAPE)
+    assert ps.load(tmp_path).taken_by == Taken(camera, SHAPE)
     points = np.array([[64.0, 48.0, 1.0], [20.0, 30.0, 1.0]])
     height, width = solution.depth.shape
     moved = in_depth(points, tmp_path / "depth.npy", (height, width))

@@ -67,7 +67,7 @@ def report_of(solution: Outcome, derived: Derived) -> dict[str, Any]:
             "principal_point": list(solution.camera.centre((height, width))),
             "taken_by": None
             if solution.taken_by is None
-            else {"camera": asdict(solution.taken_by[0]), "shape": list(solution.taken_by[1])},
+            else {**asdict(solution.taken_by), "shape": list(solution.taken_by.shape)},
             "light": stated(solution.light),
             "reflectance": stated(solution.reflectance),
             **solution.parameters,
@@ -126,7 +126,7 @@ def _write_report(target: Path, source: Source) -> None:
 
 
 def _write_camera(target: Path, source: Source) -> None:
-    taken = source.taken
+    taken = source.solution.taken_by
     own = _calibration(source.solution.camera, source.shape)
     photo = {} if taken is None else {"photo": _calibration(taken.camera, taken.shape)}
     write_json(target, {**own, "axes": "x to the right, y down, z forward; pixels are centred on integers"}, photo)
