@@ -93,7 +93,7 @@ def test_a_file_that_cannot_be_made_costs_no_other_and_is_told(photos: Path, tmp
     common = ("batch", photos / "a.png", "-o", tmp_path / "out", *FLASH)
     outcome = run(*common, "--save", "depth,solid.stl", "--width", "1e-9")
     assert outcome.status == 1
-    assert "a.png: warning: solid.stl could not be made: --base 3.0 is too thick for --width" in outcome.stderr
+    assert "a.png: warning: solid.stl could not be made: base=3.0 is too thick for width=1e-09" in outcome.stderr
     assert "1 without a file that was asked for" in outcome.stderr
     assert (tmp_path / "out" / "a.png" / "depth.npy").exists()
     assert run(*common, "--save", "depth,pictures").status == 0
