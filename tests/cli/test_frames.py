@@ -100,11 +100,38 @@ def test_points_of_the_photo_are_compared_in_the_pixels_of_the_depth(bent: Path)
     assert outcome.status == 0
     assert json.loads(outcome.stdout)["depth"]["mean_relative"] < 0.004
     assert json.loads(outcome.stdout)["depth"]["count"] == len(rows)
-    assert "of which the points are taken to be" in outcome.stderr
+    assert f"of which {folder / 'truth.csv'} is taken to be" in outcome.stderr
     (folder / "out" / "camera.json").unlink()
     outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--json")
     assert json.loads(outcome.stdout)["depth"]["mean_relative"] > 0.01
-    assert "of which the points are taken to be" not in outcome.stderr
+    assert "is taken to be" not in outcome.stderr
+
+
+def test_masks_and_depths_of_the_photo_are_compared_in_the_pixels_of_the_depth(bent: Path) -> None:
+    folder, z = bent.parent, depth(*places(BENT, SHAPE))
+    np.save(folder / "truth.npy", z)
+    common = ("--light", "flash", "--gain", _gain(), "--focal-length", "150", "--save", "depth", "--size", "100")
+    assert run("reconstruct", bent, "-o", folder / "out", "--distortion", COEFFICIENTS, *common).status == 0
+    files = ("compare", folder / "out" / "depth.npy", folder / "truth.npy", "--json")
+    whole, masked = run(*files), run(*files, "--mask", folder / "mask.npy")
+    told = [json.loads(outcome.stdout) for outcome in (whole, masked)]
+    # The mask leaves out eight pixels along each side of the photo.
+    share = np.load(folder / "mask.npy").mean()
+    assert told[1]["count"] == pytest.approx(share * told[0]["count"], rel=0.05)
+    assert told[0]["mean"] < 0.004
+    assert f"of which {folder / 'truth.npy'} is taken to be" in whole.stderr
+    assert f"of which {folder / 'mask.npy'} is taken to be" in masked.stderr
+    np.savetxt(folder / "truth.csv", [(20.0, 30.0, z[30, 20]), (3.0, 3.0, z[3, 3])], delimiter=",")
+    outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--mask", folder / "mask.npy")
+    assert f"1 of 2 points are left out: 1 outside {folder / 'mask.npy'}" in outcome.stderr
+    np.save(folder / "odd.npy", np.ones((7, 7), bool))
+    outcome = run(*files, "--mask", folder / "odd.npy")
+    assert outcome.status == 1
+    assert "odd.npy has shape (7, 7)" in outcome.stderr
+    assert "The photo's, (96, 128), does as well." in outcome.stderr
+    np.save(folder / "odd.npy", np.ones((7, 7)))
+    outcome = run(*files[:2], folder / "odd.npy")
+    assert "or one of the size of the photo, (96, 128)" in outcome.stderr
 
 
 def test_a_smaller_size_alone(bent: Path) -> None:

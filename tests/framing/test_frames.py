@@ -16,7 +16,7 @@ from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.maps import Maps
 from persfs_cl.framing.reduced import Reduced, reduced_shape
 from persfs_cl.framing.straightened import Straightened
-from persfs_cl.pipeline.frames import in_depth
+from persfs_cl.pipeline.beside import other_pixels
 from persfs_cl.surface.outcome import Taken
 
 SHAPE = (96, 128)
@@ -244,12 +244,20 @@ def test_what_took_the_image_is_saved_with_the_surface(camera: ps.Camera, tmp_pa
     assert ps.load(tmp_path).taken_by == Taken(camera, SHAPE)
     points = np.array([[64.0, 48.0, 1.0], [20.0, 30.0, 1.0]])
     height, width = solution.depth.shape
-    moved = in_depth(points, tmp_path / "depth.npy", (height, width))
-    assert moved is not None
-    np.testing.assert_allclose(moved[:, :2], Straightened(camera, SHAPE).placed(points[:, :2]), rtol=0, atol=1e-9)
+    found = other_pixels(tmp_path / "depth.npy", (height, width))
+    assert found is not None
+    straight = Straightened(camera, SHAPE)
+    moved = found.points(points)
+    np.testing.assert_allclose(moved[:, :2], straight.placed(points[:, :2]), rtol=0, atol=1e-9)
+    # Linear between the same pixels; beyond them this has no value.
+    values = np.random.default_rng(0).random(SHAPE)
+    mapped = found.map(values)
+    there = np.isfinite(mapped)
+    assert there.mean() > 0.8
+    np.testing.assert_allclose(mapped[there], straight.mean(values)[there], atol=1e-4)
     (tmp_path / "camera.json").write_text("[")
-    with pytest.warns(UserWarning, match=r"camera\.json cannot be used .*points are taken to be in the pixels of"):
-        assert in_depth(points, tmp_path / "depth.npy", (height, width)) is None
+    with pytest.warns(UserWarning, match=r"camera\.json cannot be used .*all is taken to be in the pixels of"):
+        assert other_pixels(tmp_path / "depth.npy", (height, width)) is None
 
 
 @pytest.mark.parametrize(
