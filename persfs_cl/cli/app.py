@@ -15,8 +15,8 @@ import persfs_cl
 from persfs_cl.cli.config import ConfiguredCommand
 from persfs_cl.cli.interrupts import answered, raising
 from persfs_cl.cli.signals import leave_at_once
-from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, in_words, spelling
+from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
 

@@ -44,8 +44,8 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.settings import MayBePath
-from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
+from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
 from persfs_cl.pipeline.brightness import Brightness

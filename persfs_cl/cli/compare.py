@@ -164,9 +164,7 @@ def _beside_points(
     return rows
 
 
-def _mask(
-    path: Path, depth: Path, shape: tuple[int, int], other: OtherPixels | None, *, orientation: int = 1
-) -> Mask:
+def _mask(path: Path, depth: Path, shape: tuple[int, int], other: OtherPixels | None, *, orientation: int = 1) -> Mask:
     """The pixels of a depth map, or image, that a mask selects, in whose pixels or the photo's it is."""
     if other is None or other.photo_shape == shape:
         return read_mask(path, shape, orientation=orientation)

@@ -21,7 +21,7 @@ from persfs_cl.errors import CameraError, InputError
 from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.io.npy import read_npy, read_npz
-from persfs_cl.lens import Fisheye
+from persfs_cl.lens.distortion import distortion_of
 from persfs_cl.shading.stated import light_from, reflectance_from
 from persfs_cl.surface.formats.records import ARRAYS, MASKS, REPORT, fingerprint
 from persfs_cl.surface.geometry import Discontinuities, depth_array
@@ -257,11 +257,12 @@ class _Report:
 
     def _camera(self, within: Mapping[str, Any]) -> Camera:
         given = self._get("camera", dict, within)
-        lens = given.get("distortion")
         try:
             said = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
-            return Camera(**(said | {"distortion": Fisheye(**lens)} if isinstance(lens, dict) else said))
-        except (TypeError, CameraError) as error:
+            if (lens := given.get("distortion")) is not None:
+                said["distortion"] = distortion_of(lens["model"], tuple(lens["coefficients"]))
+            return Camera(**said)
+        except (TypeError, KeyError, CameraError) as error:
             raise InputError(f"{self.path} has an impossible camera ({error}): save the solution again.") from error
 
     def made(self, name: str, make: Any) -> Any:

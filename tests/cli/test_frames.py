@@ -13,6 +13,7 @@ from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl.io.export import write_grey
+from persfs_cl.lens.distortion import distortion_of
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.headers import look
@@ -149,10 +150,10 @@ def test_a_smaller_size_alone(bent: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_this_process")
-@pytest.mark.parametrize("kind", ["opencv", "fisheye"])
+@pytest.mark.parametrize("kind", ["opencv", "fisheye", "fov"])
 def test_the_file_of_a_camera(bent: Path, kind: str) -> None:
-    lens = LENS if kind == "opencv" else (0.03, -0.01, 0.0, 0.0)
-    camera = ps.Camera(150.0, distortion=LENS if kind == "opencv" else ps.Fisheye(*lens))
+    lens = {"opencv": LENS, "fisheye": (0.03, -0.01, 0.0, 0.0), "fov": (0.6,)}[kind]
+    camera = ps.Camera(150.0, distortion=distortion_of(kind, lens))
     image = flashed(camera, SHAPE)
     write_grey(bent, image / image.max(), 16)
     folder = bent.parent
@@ -171,7 +172,7 @@ def test_the_file_of_a_camera(bent: Path, kind: str) -> None:
     outcome = run("reconstruct", bent, "-o", folder / "one", "--camera", folder / "camera.json", *common)
     assert outcome.status == 0, outcome.stderr
     assert _error(folder / "one") < 0.004
-    given = COEFFICIENTS if kind == "opencv" else "fisheye:0.03,-0.01"
+    given = {"opencv": COEFFICIENTS, "fisheye": "fisheye:0.03,-0.01", "fov": "fov:0.6"}[kind]
     outcome = run("reconstruct", bent, "-o", folder / "two", "--focal-length", "150", "--distortion", given, *common)
     np.testing.assert_array_equal(np.load(folder / "one" / "depth.npy"), np.load(folder / "two" / "depth.npy"))
     outcome = run("batch", bent, "-o", folder / "three", "--camera", folder / "camera.json", *common)
@@ -201,7 +202,10 @@ def test_a_batch_with_a_table_of_lenses_of_smaller_size(bent: Path) -> None:
     ("arguments", "said"),
     [
         (("--distortion", "1,2,3"), "'1,2,3' is not 4, 5, 8, 12 or 14 numbers"),
-        (("--distortion", "fisheye:a"), "'a' is not one to four numbers behind fisheye:"),
+        (("--distortion", "fisheye:a"), "'a' is not k1, k2, k3 and k4, or p1, p2, sx1 and sy1 too, behind fisheye:"),
+        (("--distortion", "fov:0.1,0.2"), "'0.1,0.2' is not the one number ω, behind fov:"),
+        (("--distortion", "fov:4", "--focal-length", "150"), "its angle is in radians, and between -π and π"),
+        (("--distortion", "mirror:4"), "or fisheye: or fov: or rad_tan_thin_prism_fisheye: and its numbers"),
         (("--fov", "60", "--distortion", COEFFICIENTS), "--fov 60.0 tells the focal length only of a lens without"),
         (("--camera", "none.json", "--fov", "60"), "give a file, or the camera by the other options"),
         (("--size", "3"), "'--size'"),

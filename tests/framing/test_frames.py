@@ -22,6 +22,9 @@ from persfs_cl.surface.outcome import Taken
 SHAPE = (96, 128)
 BARREL = ps.Camera(150.0, distortion=(-0.25, 0.06, 0.002, -0.001))
 LENSES = [BARREL, ps.Camera(150.0, (60.0, 50.0), (0.12, 0.02, 0.0, 0.0)), ps.Camera(140.0, distortion=ps.Fisheye(0.03))]
+ANGLE = ps.Camera(150.0, distortion=ps.FieldOfView(0.6))
+MOST = ps.Camera(140.0, distortion=ps.RadTanFisheye(0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
+PRISMS = ps.Camera(140.0, distortion=ps.Fisheye(0.03, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
 
 
 @pytest.fixture(params=["straightened", "reduced", "odd"])
@@ -112,7 +115,7 @@ def test_a_guide_says_the_same_of_the_same_rays(frame: Frame, cells: tuple[int, 
     assert np.nanmean(off) < (0.01 if cells[0] < 20 else 0.002)
 
 
-@pytest.mark.parametrize("camera", LENSES, ids=lambda camera: str(camera.distortion))
+@pytest.mark.parametrize("camera", [*LENSES, ANGLE, MOST], ids=lambda camera: str(camera.distortion))
 def test_a_bent_image_is_solved_as_well_as_a_straight_one(camera: ps.Camera) -> None:
     pinhole = ps.Camera(camera.focal_length, camera.principal_point)
 
@@ -226,17 +229,17 @@ def test_a_reduced_camera_sees_the_same_view() -> None:
     np.testing.assert_allclose(frame.placed(corners), new, rtol=0, atol=1e-12)
 
 
-PRISMS = ps.Camera(140.0, distortion=ps.Fisheye(0.03, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
-
-
-def test_a_lens_with_prisms_is_straightened() -> None:
-    straight, pinhole = ps.undistort(depth(*places(PRISMS, SHAPE)), PRISMS)
+@pytest.mark.parametrize("camera", [PRISMS, ANGLE, MOST], ids=["prisms", "fov", "most"])
+def test_a_lens_that_opencv_does_not_know_is_straightened(camera: ps.Camera) -> None:
+    straight, pinhole = ps.undistort(depth(*places(camera, SHAPE)), camera)
     grid = pinhole.grid(straight.shape)
     off = np.abs(straight - depth(*np.broadcast_arrays(grid.x, grid.y)))
     assert np.nanmean(off) < 0.001
 
 
-@pytest.mark.parametrize("camera", [BARREL, LENSES[-1], PRISMS], ids=["opencv", "fisheye", "prisms"])
+@pytest.mark.parametrize(
+    "camera", [BARREL, LENSES[-1], PRISMS, ANGLE, MOST], ids=["opencv", "fisheye", "prisms", "fov", "most"]
+)
 def test_what_took_the_image_is_saved_with_the_surface(camera: ps.Camera, tmp_path: Path) -> None:
     solution = ps.reconstruct(flashed(camera, SHAPE), camera, light=ps.FlashLight())
     assert solution.taken_by == Taken(camera, SHAPE)
