@@ -66,6 +66,12 @@ class Source:
         return height, width
 
     @property
+    def outlined(self) -> bool:
+        """Whether it was found, or changed, which pixels of a photograph are the surface."""
+        taken = self.solution.taken_by
+        return taken is not None and taken.outlined
+
+    @property
     def rgb(self) -> NDArray[np.uint8]:
         """What the surface wears, shape (height, width, 3)."""
         return triangulation.rgb(self.solution.shown if self._colour is None else self._colour, self.shape)
