@@ -416,7 +416,8 @@ def _require_shading(photo: Photo, mask: Mask) -> None:
     """Refuse a photo by its own values, before they are normalised."""
     values = photo.image[mask]
     if bad := int(np.count_nonzero(np.isnan(values))):
-        raise InputError(f"NaN stands at {bad} of the pixels to solve: leave them out with {keyword('mask')}.")
+        are = "1 NaN pixel is" if bad == 1 else f"{bad} NaN pixels are"
+        raise InputError(f"{are} among those to solve: leave them out with {keyword('mask')}.")
     darkest, brightest = float(values.min()), float(values.max())
     if brightest <= 0:
         raise InputError("every pixel to solve is black: there is no shading to reconstruct from.")
