@@ -172,8 +172,7 @@ class _Commands(TyperGroup):
             error.word(self._spelling(ctx))
             raise
         except typer.BadParameter as error:
-            # Some versions of typer put pydantic's words before the message.
-            error.message = error.message.removeprefix("Value error, ")
+            error.message = _with_value(error)
             raise
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)
@@ -206,6 +205,15 @@ class _Commands(TyperGroup):
 
     def _spelling(self, ctx: Any) -> Spelling:
         return spelling(self.commands[ctx.invoked_subcommand].params)
+
+
+def _with_value(error: typer.BadParameter) -> str:
+    """The message of a wrong option, with its value: some versions of typer have pydantic's words, which leave it out."""
+    message = error.message.removeprefix("Value error, ")
+    told = getattr(error.__cause__, "errors", list)()
+    if not message.startswith("Input should") or not told:
+        return message
+    return f"{told[0]['input']} was given, and it {message.removeprefix('Input ')}."
 
 
 def _paragraphs(text: str) -> str:
