@@ -208,7 +208,7 @@ class _Commands(TyperGroup):
 
 
 def _with_value(error: typer.BadParameter) -> str:
-    """The message of a wrong option, with its value: some versions of typer have pydantic's words, which leave it out."""
+    """The message of a wrong option, with its value: pydantic's words, which some versions of typer have, lack it."""
     message = error.message.removeprefix("Value error, ")
     told = getattr(error.__cause__, "errors", list)()
     if not message.startswith("Input should") or not told:
