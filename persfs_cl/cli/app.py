@@ -210,7 +210,7 @@ class _Commands(TyperGroup):
 def _with_value(error: typer.BadParameter) -> str:
     """The message of a wrong option, with its value: pydantic's words, which some versions of typer have, lack it."""
     message = error.message.removeprefix("Value error, ")
-    told = getattr(error.__cause__, "errors", list)()
+    told: list[dict[str, Any]] = getattr(error.__cause__, "errors", list)()
     if not message.startswith("Input should") or not told:
         return message
     return f"{told[0]['input']} was given, and it {message.removeprefix('Input ')}."
