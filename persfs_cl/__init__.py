@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from persfs_cl.guide.guide import Points
     from persfs_cl.io.maps import read_depth, read_light, read_mask
     from persfs_cl.io.photos import read_image, read_photo
-    from persfs_cl.lens import Fisheye
+    from persfs_cl.lens.field_of_view import FieldOfView
+    from persfs_cl.lens.fisheye import Fisheye
+    from persfs_cl.lens.rad_tan_fisheye import RadTanFisheye
     from persfs_cl.metrics import Errors, compare
     from persfs_cl.pipeline.batch import batch
     from persfs_cl.pipeline.run import BatchResult
@@ -74,7 +76,9 @@ else:
         "guide.guide": ("Points",),
         "shading.flash_light": ("FlashLight",),
         "shading.parallel_light": ("ParallelLight",),
-        "lens": ("Fisheye",),
+        "lens.field_of_view": ("FieldOfView",),
+        "lens.fisheye": ("Fisheye",),
+        "lens.rad_tan_fisheye": ("RadTanFisheye",),
         "metrics": ("Errors", "compare"),
         "pipeline.batch": ("batch",),
         "pipeline.run": ("BatchResult",),
@@ -123,6 +127,7 @@ __all__ = [
     "DeviceError",
     "Elapsed",
     "Errors",
+    "FieldOfView",
     "Fisheye",
     "FlashLight",
     "GuideFit",
@@ -136,6 +141,7 @@ __all__ = [
     "Points",
     "Preparation",
     "PreparedPhoto",
+    "RadTanFisheye",
     "Scene",
     "Solution",
     "Status",

@@ -16,7 +16,7 @@ from persfs_cl.io.calibrations import Calibrated
 from persfs_cl.io.cameras import read_camera
 from persfs_cl.io.exif import exif_focal_length
 from persfs_cl.io.files import FilePath, as_path
-from persfs_cl.lens import Distortion, Fisheye, as_distortion, distorted, undistorted
+from persfs_cl.lens.distortion import Distortion, as_distortion, distorted, distortion_of, undistorted
 from persfs_cl.wording import brief, keyword
 
 _WIDEST_DEGREES = 85.0
@@ -36,9 +36,9 @@ class Camera:
         Where the optical axis meets the image: (cx, cy), column and row in pixels; a part that was cut out of a
         photograph keeps its axis, which may lie outside. Left out, it is the middle of the image,
         ((width - 1) / 2, (height - 1) / 2).
-    distortion : sequence of float or Fisheye, optional
+    distortion : sequence of float, Fisheye, FieldOfView or RadTanFisheye, optional
         How the lens bends straight lines: OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, τx,
-        τy]]]], or those of a fisheye lens. :func:`persfs_cl.reconstruct` straightens the image and all that goes with
+        τy]]]], or a lens of another model. :func:`persfs_cl.reconstruct` straightens the image and all that goes with
         it, see :func:`persfs_cl.undistort`. Left out, or all 0, it is a pinhole camera.
 
     Raises
@@ -424,13 +424,8 @@ def camera_from(path: FilePath, calibrated: Calibrated) -> Camera:
     CameraError
         When it is impossible, naming the file.
     """
-    given = calibrated.distortion
     try:
-        if calibrated.fisheye and len(given) not in (0, 4, 8):
-            raise CameraError.about(
-                "distortion", given, "is impossible for a fisheye: give k1, k2, k3 and k4, or p1, p2, sx1 and sy1 too."
-            )
-        distortion = Fisheye(*given) if calibrated.fisheye else given or None
+        distortion = distortion_of(calibrated.model, calibrated.distortion)
         return Camera(calibrated.focal_length, calibrated.principal_point, distortion)
     except CameraError as error:
         raise error.at(str(path)) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, TypeAlias
@@ -18,6 +19,7 @@ LUMINANCE: Three = (0.2126, 0.7152, 0.0722)
 _SPACE = slice(16, 20)
 """Where an ICC profile says what its numbers are."""
 _CELLS = 2**12
+Curve: TypeAlias = Literal["srgb", "linear", "profile", "pq", "hlg"]
 
 
 def decode_srgb(values: ArrayLike) -> Array:
@@ -56,16 +58,52 @@ def encode_srgb(values: ArrayLike) -> Array:
     return np.asarray(np.where(values <= 0.0031308, values * 12.92, curve))
 
 
+def decode_pq(values: ArrayLike) -> Array:
+    """Linear light from values of the perceptual quantiser of HDR photos (SMPTE ST 2084, ITU-R BT.2100).
+
+    Parameters
+    ----------
+    values : array_like
+        0 (black) to 1, which are 10,000 cd/m².
+
+    Returns
+    -------
+    ndarray of float64
+        1 where the value is 1: paper white is 0.0203.
+    """
+    root = np.asarray(values, dtype=np.float64) ** (32.0 / 2523.0)
+    share = np.maximum(root - 3424.0 / 4096.0, 0.0) / (2413.0 / 128.0 - 2392.0 / 128.0 * root)
+    return np.asarray(share ** (16384.0 / 2610.0))
+
+
+def decode_hlg(values: ArrayLike) -> Array:
+    """Linear light of the scene from values of the hybrid log-gamma of HDR photos (ITU-R BT.2100).
+
+    Parameters
+    ----------
+    values : array_like
+        0 (black) to 1.
+
+    Returns
+    -------
+    ndarray of float64
+        1 where the value is 1: paper white, a value of 0.75, is 0.265.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    bright = (np.exp((values - 0.55991073) / 0.17883277) + 0.28466892) / 12.0
+    return np.asarray(np.where(values <= 0.5, values**2 / 3.0, bright))
+
+
 @dataclass(frozen=True)
 class ColourSpace:
     """What numbers of a file mean: the curve to linear light, and the light of the primaries.
 
     Attributes
     ----------
-    curve : {"srgb", "linear", "profile"}
-        How numbers become linear light: "profile" by the curves of `profile`.
+    curve : {"srgb", "linear", "profile", "pq", "hlg"}
+        How numbers become linear light: "profile" by the curves of `profile`, the last two as in HDR photos.
     name : str
-        Of the profile or camera that says so; empty where nothing does.
+        Of the profile, code or camera that says so; empty where nothing does.
     luminance, mean : (float, float, float)
         Shares of linear red, green and blue.
     gains : (float, float, float)
@@ -76,7 +114,7 @@ class ColourSpace:
         The ICC profile, where the curve is of one.
     """
 
-    curve: Literal["srgb", "linear", "profile"]
+    curve: Curve
     name: str = ""
     luminance: Three = LUMINANCE
     mean: Three = (1 / 3, 1 / 3, 1 / 3)
@@ -89,7 +127,12 @@ class ColourSpace:
         values = np.asarray(values, dtype=np.float64)
         if self.curve == "linear":
             return values
-        return decode_srgb(values) if self.curve == "srgb" else profile_light(self.profile, values, channel)
+        if self.curve == "profile":
+            return profile_light(self.profile, values, channel)
+        return _DECODERS[self.curve](values)
+
+
+_DECODERS: dict[str, Callable[[ArrayLike], Array]] = {"srgb": decode_srgb, "pq": decode_pq, "hlg": decode_hlg}
 
 
 def three(values: ArrayLike) -> Three:

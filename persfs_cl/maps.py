@@ -56,6 +56,12 @@ def as_image(name: str, given: ArrayLike) -> Array:
     return values
 
 
+def no_numbers(values: Array, inside: Mask) -> str:
+    """Why an image cannot be solved that holds NaN or infinite values among the pixels to solve."""
+    bad = int(np.count_nonzero(~np.isfinite(values[inside])))
+    return f"holds {bad} NaN or infinite values inside the mask: mask them out."
+
+
 def as_map(name: str, given: ArrayLike, shape: tuple[int, ...], *, whose: str = "image") -> Array:
     """One number a pixel of an image whose shape is known, as float64, perhaps the very array given.
 

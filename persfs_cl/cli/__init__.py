@@ -5,13 +5,12 @@ from __future__ import annotations
 import sys
 
 try:
-    from persfs_cl.cli.signals import INTERRUPTED, answer, leave_at_once
+    from persfs_cl.cli.signals import answer, leave_at_once
+    from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 except KeyboardInterrupt:
     # Even these few modules take a moment, and nobody is there yet who would catch it.
     sys.stderr.write("persfs-cl: interrupted.\n")
     sys.exit(130)
-
-_INPUT_FAILED = 1
 
 
 def main() -> None:
@@ -36,5 +35,5 @@ def main() -> None:
                 "same.\n"
             )
         if why is not None and not ended.code:
-            sys.exit(_INPUT_FAILED)
+            sys.exit(INPUT_FAILED)
         raise

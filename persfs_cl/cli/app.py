@@ -14,12 +14,13 @@ from typer.core import TyperGroup
 import persfs_cl
 from persfs_cl.cli.config import ConfiguredCommand
 from persfs_cl.cli.interrupts import answered, raising
-from persfs_cl.cli.signals import INTERRUPTED, leave_at_once
+from persfs_cl.cli.signals import leave_at_once
 from persfs_cl.cli.spelling import WrongOption, in_words, spelling
+from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
 
-_INPUT_FAILED, _NO_DEVICE = 1, 3
+_NO_DEVICE = 3
 
 _EPILOG = """[bold]Exit status[/bold]
 
@@ -64,7 +65,8 @@ persfs-cl batch photos -o results --config flash.toml --shard 2/8
 [bold]Output[/bold]
 
 The folders of the photos that are done go to standard output, one a line; everything else goes to standard error. What
-failed is listed at the end, and the exit status is then 1; the others are done all the same. 2: the command line is
+failed is listed at the end, and the exit status is then 1; the others are done all the same. It is 1 too where a file
+that was asked for could not be made of a surface, such as a mesh of single pixels. 2: the command line is
 wrong. 3: no device is left. 130: interrupted.
 
 Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays. Whatever ends a run, the power included, the
@@ -170,16 +172,15 @@ class _Commands(TyperGroup):
             error.word(self._spelling(ctx))
             raise
         except typer.BadParameter as error:
-            # Some versions of typer put pydantic's words before the message.
-            error.message = error.message.removeprefix("Value error, ")
+            error.message = _with_value(error)
             raise
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)
-            raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else _INPUT_FAILED) from error
+            raise typer.Exit(_NO_DEVICE if isinstance(error, DeviceError) else INPUT_FAILED) from error
         except UserWarning as error:
             # An error by the option -W of Python, or by PYTHONWARNINGS.
             typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)
-            raise typer.Exit(_INPUT_FAILED) from error
+            raise typer.Exit(INPUT_FAILED) from error
         except KeyboardInterrupt as error:
             typer.echo("persfs-cl: interrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from error
@@ -204,6 +205,15 @@ class _Commands(TyperGroup):
 
     def _spelling(self, ctx: Any) -> Spelling:
         return spelling(self.commands[ctx.invoked_subcommand].params)
+
+
+def _with_value(error: typer.BadParameter) -> str:
+    """The message of a wrong option, with its value: pydantic's words, which some versions of typer have, lack it."""
+    message = error.message.removeprefix("Value error, ")
+    told: list[dict[str, Any]] = getattr(error.__cause__, "errors", list)()
+    if not message.startswith("Input should") or not told:
+        return message
+    return f"{told[0]['input']} was given, and it {message.removeprefix('Input ')}."
 
 
 def _paragraphs(text: str) -> str:

@@ -44,8 +44,8 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.settings import MayBePath
-from persfs_cl.cli.signals import INTERRUPTED
 from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
+from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
 from persfs_cl.pipeline.brightness import Brightness
@@ -74,7 +74,6 @@ def _scheduler(text: str) -> str | Path:
 
 
 _INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
-_INPUT_FAILED = 1
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
@@ -274,12 +273,12 @@ def batch(
     if dry_run:
         _look(whole, spell)
         return
-    tally = Tally(spell)
+    tally = Tally(spell, saving)
     if not listing.inputs:
         # Such as a path with a slip in it: nothing is made for that.
         for place, why in listing.problems:
             typer.echo(f"persfs-cl: {place}: {in_a_line(why, spell)}", err=True)
-        raise typer.Exit(_INPUT_FAILED)
+        raise typer.Exit(INPUT_FAILED)
     try:
         workers = workforce(plan, store, keywords["device"], room, scheduler)
     except InputError as error:
@@ -301,8 +300,8 @@ def batch(
     typer.echo(f"{tally.summary()} See {store}/{names[0]}.", err=True)
     if stopped:
         raise typer.Exit(INTERRUPTED)
-    if tally.failed:
-        raise typer.Exit(_INPUT_FAILED)
+    if tally.failed or tally.lacking:
+        raise typer.Exit(INPUT_FAILED)
 
 
 def _look(whole: Batch, spell: Spelling) -> None:
@@ -346,7 +345,7 @@ def _look(whole: Batch, spell: Spelling) -> None:
     parts += [f"{failed} cannot be used"] * bool(failed)
     typer.echo(f"{', '.join(parts)}. Nothing was done.", err=True)
     if failed:
-        raise typer.Exit(_INPUT_FAILED)
+        raise typer.Exit(INPUT_FAILED)
 
 
 def _share(text: str | None) -> Shard | None:

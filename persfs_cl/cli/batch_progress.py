@@ -18,6 +18,7 @@ from rich.text import Text
 from persfs_cl.cli.alike import Alike
 from persfs_cl.cli.spelling import in_a_line
 from persfs_cl.pipeline.run import Batch, BatchResult
+from persfs_cl.surface.saving import Saving
 from persfs_cl.wording import Spelling
 
 _EVERY = 0.1
@@ -32,14 +33,18 @@ class Tally:
     ----------
     spell : callable
         How the command spells keywords.
+    saving : Saving
+        What was asked for of each photo.
     """
 
     spell: Spelling
+    saving: Saving
     done: int = 0
     failed: int = 0
     skipped: int = 0
     warned: int = 0
     unfinished: int = 0
+    lacking: int = 0
     failures: Alike = field(default_factory=lambda: Alike(every_name=True))
     warnings: Alike = field(default_factory=lambda: Alike(every_name=False))
     began: float = field(default_factory=time.perf_counter)
@@ -54,6 +59,7 @@ class Tally:
         self.warned += bool(result.record.warnings)
         for warning in dict.fromkeys(result.record.warnings):
             self.warnings.add(result.name, result.path, in_a_line(warning, self.spell))
+        self.lacking += bool(self.saving.lacking(result.record.files))
         self.unfinished += result.record.converged != "CONVERGED"
 
     def summary(self) -> str:
@@ -64,6 +70,7 @@ class Tally:
         parts += [f"{self.skipped} were done before"] * bool(self.skipped)
         parts += [f"{self.failed} failed"] * bool(self.failed)
         parts += [f"{self.unfinished} not converged"] * bool(self.unfinished)
+        parts += [f"{self.lacking} without a file that was asked for"] * bool(self.lacking)
         parts += [f"{self.warned} with warnings"] * bool(self.warned)
         return f"{', '.join(parts)}."
 

@@ -28,7 +28,7 @@ from persfs_cl.cli.options import chosen_device_and_precision
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import writing
-from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.status import INTERRUPTED
 from persfs_cl.environment import environment, summary
 from persfs_cl.page import ENVIRONMENT, fill_page, marked, read_page
 from persfs_cl.solver.options import Options

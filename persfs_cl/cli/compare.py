@@ -11,14 +11,15 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
+from persfs_cl.arrays import Array, Mask
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import read_bytes
-from persfs_cl.io.maps import read_depth, read_mask
+from persfs_cl.io.maps import check_map, read_depth, read_mask
 from persfs_cl.io.photos import Channel, Encoding, read_photo
 from persfs_cl.io.points import PointErrors, at_points, compare_points, read_points
 from persfs_cl.metrics import Errors
 from persfs_cl.metrics import compare as measure
-from persfs_cl.pipeline.frames import in_depth
+from persfs_cl.pipeline.beside import OtherPixels, other_pixels
 from persfs_cl.surface.formats.records import CAMERA
 
 Kind = Literal["auto", "depth", "image"]
@@ -67,7 +68,7 @@ def compare(
 
     With points, such as triangulation gives, the mean of |z - z'| / z' is printed, and Spearman's rank correlation;
     for comparison those of a constant depth, and with --photo of 1 / sqrt(brightness). Points are in pixels of the
-    photo, whose lens and size camera.json tells where the depth map has others.
+    photo, whose lens and size camera.json tells where the depth map A has others; mask and truth may be of either.
     """
     with_points = second.suffix.lower() in (".csv", ".json")
     if photo is not None and not with_points:
@@ -96,9 +97,16 @@ def compare(
             opaque = True if taken.mask is None else taken.mask
             values.append(np.where(opaque, 255.0 * taken.image, np.nan))
     shape = (values[0].shape[0], values[0].shape[1])
+    other = other_pixels(first, shape) if kind == "depth" else None
+    if other is not None and values[1].shape == other.photo_shape != shape:
+        values[1] = other.map(values[1])
+        _tell_of_photo(first, second)
     if values[1].shape != shape:
-        raise InputError(f"{first} has shape {shape}, but {second} has {values[1].shape}: give two of the same size.")
-    inside = None if mask is None else read_mask(mask, shape, orientation=turned)
+        raise InputError(
+            f"{first} has shape {shape}, but {second} has {values[1].shape}: give two of the same size"
+            f"{'' if other is None else f', or one of the size of the photo, {other.photo_shape}'}."
+        )
+    inside = None if mask is None else _mask(mask, first, shape, other, orientation=turned)
     if kind == "depth" and align == "none":
         _hint_at_scale(first)
     try:
@@ -121,14 +129,11 @@ def _beside_points(
     """The errors of a depth map, and of two guesses that take no solver, at the same points."""
     values, points = read_depth(depth), read_points(file)
     shape = (values.shape[0], values.shape[1])
-    given = points
-    if (moved := in_depth(points, depth, shape)) is not None:
-        points = moved
-        typer.echo(
-            f"By the {CAMERA} beside it {depth} has other pixels than the photo, of which the points are taken to be.",
-            err=True,
-        )
-    wanted = np.ones(shape, bool) if mask is None else read_mask(mask, shape)
+    given, other = points, other_pixels(depth, shape)
+    if other is not None:
+        points = other.points(points)
+        _tell_of_photo(depth, file)
+    wanted = np.ones(shape, bool) if mask is None else _mask(mask, depth, shape, other)
     estimate = at_points(np.where(wanted, values, np.nan), points)
     reasons = {
         "outside the depth map": np.isnan(at_points(np.zeros(shape), points)),
@@ -143,7 +148,7 @@ def _beside_points(
     brightness = None
     if photo is not None:
         image = read_photo(photo, channel=channel, encoding=encoding).image
-        if moved is None and image.shape != shape:
+        if other is None and image.shape != shape:
             raise InputError(f"{photo} has shape {image.shape}, but {depth} {shape}: give the photo that it is from.")
         # Black would lie at infinity, and is left out.
         brightness = at_points(np.where(image > 0, image, np.nan), given)
@@ -157,6 +162,28 @@ def _beside_points(
     except InputError as error:
         raise error.at(f"{depth}, {file}") from error
     return rows
+
+
+def _mask(path: Path, depth: Path, shape: tuple[int, int], other: OtherPixels | None, *, orientation: int = 1) -> Mask:
+    """The pixels of a depth map, or image, that a mask selects, in whose pixels or the photo's it is."""
+    if other is None or other.photo_shape == shape:
+        return read_mask(path, shape, orientation=orientation)
+    try:
+        check_map("mask", path, other.photo_shape)
+    except InputError:
+        try:
+            return read_mask(path, shape)
+        except InputError as error:
+            raise error.adding(f"The photo's, {other.photo_shape}, does as well.") from None
+    _tell_of_photo(depth, path)
+    selected: Array = read_mask(path, other.photo_shape).astype(np.float64)
+    return np.asarray(other.map(selected) >= 0.5)
+
+
+def _tell_of_photo(depth: Path, file: Path) -> None:
+    typer.echo(
+        f"By the {CAMERA} beside it {depth} has other pixels than the photo, of which {file} is taken to be.", err=True
+    )
 
 
 def _hint_at_scale(depth: Path) -> None:

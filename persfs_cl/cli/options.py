@@ -15,7 +15,8 @@ from persfs_cl.cli.numbers import finite_numbers
 from persfs_cl.cli.settings import MayBePath
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import CameraError, InputError
-from persfs_cl.lens import Distortion, Fisheye, as_distortion
+from persfs_cl.lens.distortion import Distortion, as_distortion
+from persfs_cl.lens.models import MODELS
 from persfs_cl.pipeline.bounds import checked_bounds
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.frames import LEAST_SIZE
@@ -28,7 +29,6 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Option, Options, complete, described
 
 _CAMERA, _LIGHT, _MATERIAL, _REGION = "Camera", "Light", "Material", "Region and known values"
-_FISHEYE = "fisheye:"
 _EITHER = "'--focal-length' / '--fov'"
 
 AlbedoOption = Annotated[
@@ -260,8 +260,8 @@ def chosen_camera(
         typer.Option(
             "--distortion",
             metavar="K1,K2,P1,P2[,K3...]",
-            help="How the lens bends lines, by OpenCV's coefficients; fisheye:K1,K2,K3,K4 for a fisheye lens. The "
-            "photo and all that goes with it are straightened.",
+            help="How the lens bends lines, by OpenCV's coefficients; fisheye:K1,K2,K3,K4 for a fisheye lens, fov:W "
+            "for COLMAP's FOV. The photo and all that goes with it are straightened.",
             rich_help_panel=_CAMERA,
         ),
     ] = None,
@@ -310,13 +310,16 @@ def chosen_camera(
 
 
 def _distortion(text: str | None) -> Distortion | None:
-    """Coefficients with commas between, a fisheye's behind its name."""
+    """Coefficients with commas between, those of another lens behind the name of its model."""
     if text is None:
         return None
-    if text.startswith(_FISHEYE):
-        given, meaning = text.removeprefix(_FISHEYE), f"one to four numbers behind {_FISHEYE}"
-        return Fisheye(*finite_numbers("--distortion", given, meaning, range(1, 5)))
-    meaning = f"4, 5, 8, 12 or 14 numbers, or {_FISHEYE}K1,K2,K3,K4"
+    name, colon, numbers = text.partition(":")
+    if colon and name in MODELS:
+        model = MODELS[name]
+        # The last may be left out.
+        counts = range(1, max(model.counts) + 1)
+        return model.kind(*finite_numbers("--distortion", numbers, f"{model.wanted}, behind {name}:", counts))
+    meaning = f"4, 5, 8, 12 or 14 numbers, or {': or '.join(MODELS)}: and its numbers"
     return as_distortion(finite_numbers("--distortion", text, meaning, (4, 5, 8, 12, 14)))
 
 

@@ -17,7 +17,7 @@ from persfs_cl.cli.options import chosen_device
 from persfs_cl.cli.output import check_folder
 from persfs_cl.cli.pages import check_page
 from persfs_cl.cli.progress import writing
-from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.status import INTERRUPTED
 from persfs_cl.environment import environment, summary
 from persfs_cl.page import fill_page
 from persfs_cl.paper import fast_marching

@@ -45,7 +45,7 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
-from persfs_cl.cli.signals import INTERRUPTED
+from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve
 from persfs_cl.pipeline.optics import CameraChoice
@@ -181,6 +181,9 @@ def reconstruct(
     typer.echo(_summary(result), err=True)
     if stopped:
         raise typer.Exit(INTERRUPTED)
+    # A warning has said why.
+    if saving.lacking(file.name for file in files):
+        raise typer.Exit(INPUT_FAILED)
 
 
 def _listed(saving: Saving) -> str:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 import signal
 
+from persfs_cl.cli.status import INTERRUPTED
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,8 +18,6 @@ if TYPE_CHECKING:
 
     Handler: TypeAlias = Callable[[int, FrameType | None], None]
 
-INTERRUPTED = 130
-"""Exit status after any of them. Shells have 128 + SIGINT for Ctrl-C; scripts need not tell who asked for the end."""
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 

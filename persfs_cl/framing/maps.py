@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_array, as_floats, as_mask, to_float64, unlike
+from persfs_cl.errors import InputError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.straightened import Straightened
 from persfs_cl.guide.guide import Points
-from persfs_cl.maps import as_array_of_image, as_depth_range, as_image, as_known_depth, as_map
+from persfs_cl.maps import as_array_of_image, as_depth_range, as_image, as_known_depth, as_map, no_numbers
 
 Bound = float | Array | None
 
@@ -96,6 +97,9 @@ def straighten(
         depth_range=_range(depth_range, shape),
         guide=guide if guide is None or isinstance(guide, Points) else _guide(guide),
     ).framed(frame)
+    # Of straightened pixels each has its light from four: more would hold none than there are in the image.
+    if not np.isfinite(given).all() and not np.isfinite(given[inside]).all():
+        raise InputError(f"image {no_numbers(given, inside)}", argument="image", value=image)
     light, there = frame.light(given, inside)
     return {"image": light, "camera": frame.camera, **vars(maps), "mask": there}
 

@@ -15,7 +15,9 @@ from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
 from persfs_cl.framing.frame import Frame
 from persfs_cl.guide.cells import part_of
-from persfs_cl.lens import Distortion, Fisheye, opencv, unfolded
+from persfs_cl.lens.distortion import Distortion, is_opencvs, unfolded
+from persfs_cl.lens.numbers import Lens
+from persfs_cl.lens.opencv import opencv
 
 _WIDEST_VIEW = 70.0
 _FARTHEST = math.tan(math.radians(_WIDEST_VIEW))
@@ -25,6 +27,8 @@ _MOST = 2.0
 _SAMPLES = 96
 """Places along a side of the image whose rays are looked for, and of a frame where folds are."""
 _NOWHERE = -9.0
+_FLOATS = 5
+"""OpenCV's CV_32FC1."""
 _LEAST, _MUCH = 0.05, 0.5
 """Share of the old image below which something is wrong, and up to which it is worth a word."""
 
@@ -118,17 +122,16 @@ class Straightened(Frame):
     @cached_property
     def _coordinates(self) -> NDArray[np.float32]:
         """Row and column in the old image of the pixels of the new one, shape (2, height, width)."""
-        cv2 = opencv("The camera has a distortion")
         old, new = (_matrix(one, shape) for one, shape in ((self._old, self.old_shape), (self.camera, self.shape)))
         size, distortion = self.shape[::-1], _bent(self._old)
-        if isinstance(distortion, Fisheye) and not distortion.is_opencvs:
+        if not is_opencvs(distortion):
             columns, rows = self._drawn()
-        elif isinstance(distortion, Fisheye):
-            columns, rows = cv2.fisheye.initUndistortRectifyMap(
-                old, np.array(distortion.coefficients), np.eye(3), new, size, cv2.CV_32FC1
+        elif isinstance(distortion, Lens):
+            columns, rows = opencv().fisheye.initUndistortRectifyMap(
+                old, np.array(distortion.coefficients), np.eye(3), new, size, _FLOATS
             )
         else:
-            columns, rows = cv2.initUndistortRectifyMap(old, np.array(distortion), None, new, size, cv2.CV_32FC1)
+            columns, rows = opencv().initUndistortRectifyMap(old, np.array(distortion), None, new, size, _FLOATS)
         found = np.stack([rows, columns])
         if self._folded.any():
             down, across = (part_of(side, count) for side, count in zip(self.shape, self._folded.shape, strict=True))

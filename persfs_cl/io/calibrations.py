@@ -26,7 +26,12 @@ _COEFFICIENTS = (
     "D",
 )
 _MODEL = ("distortion_model", "camera_model", "model")
-_FISHEYES = ("fisheye", "equidistant", "kannala_brandt4")
+_LENSES = {
+    **dict.fromkeys(("fisheye", "equidistant", "kannala_brandt4"), "fisheye"),
+    "fov": "fov",
+    **dict.fromkeys(("rad_tan_thin_prism_fisheye", "fisheye624"), "rad_tan_thin_prism_fisheye"),
+}
+"""What files call models of lenses whose numbers are not OpenCV's, and what these are called here."""
 _OTHERS = ("none", "pinhole", "perspective", "opencv", "plumb_bob", "radtan", "brown_conrady", "rational_polynomial")
 _WIDTH, _HEIGHT, _SIZE = ("image_width", "width"), ("image_height", "height"), ("resolution", "image_size")
 _LARGEST = 2**20
@@ -44,9 +49,9 @@ class Calibrated:
     principal_point : (float, float) or None
         Column and row, with pixels centred on integers.
     distortion : tuple of float
-        Coefficients in OpenCV's order; none of a pinhole camera.
-    fisheye : bool
-        Whether they are those of a fisheye lens.
+        The numbers of its lens, in the order of the model; none of a pinhole camera.
+    model : str
+        Of the lens, as :mod:`persfs_cl.lens.models` calls it.
     size : (int, int) or None
         (height, width) of its images.
     """
@@ -54,7 +59,7 @@ class Calibrated:
     focal_length: float | tuple[float, float]
     principal_point: tuple[float, float] | None = None
     distortion: tuple[float, ...] = ()
-    fisheye: bool = False
+    model: str = "opencv"
     size: tuple[int, int] | None = None
 
 
@@ -115,15 +120,17 @@ def camera_of(path: Path, content: Any) -> Calibrated:
         path, _numbers(path, "camera_matrix", matrix), by_columns="intrinsic_matrix" in inner and flat
     )
     models = [str(inner[name]).lower() for name in _MODEL if inner.get(name) is not None]
-    fisheye = any(model in _FISHEYES for model in models) or bool(inner.get("fisheye_model"))
-    for told in (model for model in models if model not in (*_FISHEYES, *_OTHERS)):
+    lens = next((_LENSES[model] for model in models if model in _LENSES), "opencv")
+    if inner.get("fisheye_model"):
+        lens = "fisheye"
+    for told in (model for model in models if model not in (*_LENSES, *_OTHERS)):
         raise CameraError(
             f"{path} has the lens model {brief(told)}, which is not known: undistort the photos with the program that "
             "calibrated it, and give the pinhole camera that it writes."
         )
     coefficients = _first(inner, _COEFFICIENTS)
     distortion = () if coefficients is None else _numbers(path, "distortion_coefficients", coefficients)
-    return Calibrated((fx, fy), (cx, cy), distortion, fisheye, _size(path, inner))
+    return Calibrated((fx, fy), (cx, cy), distortion, lens, _size(path, inner))
 
 
 def _pinhole(path: Path, numbers: tuple[float, ...], *, by_columns: bool) -> tuple[float, float, float, float]:

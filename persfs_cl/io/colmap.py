@@ -16,20 +16,25 @@ from persfs_cl.io.files import read_lines
 from persfs_cl.io.maps import lies_on_a_side
 from persfs_cl.io.raster import upright_places
 
-_MODELS: dict[str, tuple[int, tuple[int, ...], bool]] = {
-    "SIMPLE_PINHOLE": (1, (), False),
-    "PINHOLE": (2, (), False),
-    "SIMPLE_RADIAL": (1, (0,), False),
-    "RADIAL": (1, (0, 1), False),
-    "OPENCV": (2, (0, 1, 2, 3), False),
-    "FULL_OPENCV": (2, (0, 1, 2, 3, 4, 5, 6, 7), False),
-    "SIMPLE_RADIAL_FISHEYE": (1, (0,), True),
-    "RADIAL_FISHEYE": (1, (0, 1), True),
-    "OPENCV_FISHEYE": (2, (0, 1, 2, 3), True),
-    "THIN_PRISM_FISHEYE": (2, (0, 1, 4, 5, 2, 3, 6, 7), True),
+_MODELS: dict[str, tuple[int, tuple[int, ...], str]] = {
+    "SIMPLE_PINHOLE": (1, (), "opencv"),
+    "PINHOLE": (2, (), "opencv"),
+    "SIMPLE_RADIAL": (1, (0,), "opencv"),
+    "RADIAL": (1, (0, 1), "opencv"),
+    "OPENCV": (2, (0, 1, 2, 3), "opencv"),
+    "FULL_OPENCV": (2, (0, 1, 2, 3, 4, 5, 6, 7), "opencv"),
+    "SIMPLE_FISHEYE": (1, (), "fisheye"),
+    "FISHEYE": (2, (), "fisheye"),
+    "SIMPLE_RADIAL_FISHEYE": (1, (0,), "fisheye"),
+    "RADIAL_FISHEYE": (1, (0, 1), "fisheye"),
+    "OPENCV_FISHEYE": (2, (0, 1, 2, 3), "fisheye"),
+    "THIN_PRISM_FISHEYE": (2, (0, 1, 4, 5, 2, 3, 6, 7), "fisheye"),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (2, tuple(range(12)), "rad_tan_thin_prism_fisheye"),
+    "FOV": (2, (0,), "fov"),
 }
-"""Of a model: focal lengths, the places of its coefficients among OpenCV's, or among those of
-:class:`persfs_cl.Fisheye`, and whether they are a fisheye's."""
+"""Of a model: focal lengths, the places of its coefficients among those of a lens, and what this is called here."""
+_LEAST = {"opencv": 4, "fisheye": 4}
+"""Coefficients that a lens has at least, where any is given."""
 _STRETCHED = 0.01
 """Logarithm of a ratio that an image may be longer along one side, where sides are not rounded."""
 
@@ -78,16 +83,16 @@ def read_colmap_cameras(path: Path) -> dict[int, ColmapCamera]:
         if model not in _MODELS:
             cameras[identity] = ColmapCamera(number, model, (height, width))
             continue
-        lengths, places, fisheye = _MODELS[model]
+        lengths, places, lens = _MODELS[model]
         if len(numbers) != lengths + 2 + len(places):
             raise _odd(path, number, line, f"{lengths + 2 + len(places)} parameters for {model}")
         length = numbers[0] if lengths == 1 else (numbers[0], numbers[1])
         column, row, *coefficients = numbers[lengths:]
         distortion = dict(zip(places, coefficients, strict=True))
-        # As many as OpenCV has at least.
-        given = tuple(distortion.get(place, 0.0) for place in range(max(4, len(places)))) if places else ()
+        count = max(_LEAST.get(lens, 0), len(places)) if places else 0
+        given = tuple(distortion.get(place, 0.0) for place in range(count))
         # Pixels are centred on integers here, and on halves there.
-        camera = Calibrated(length, (column - 0.5, row - 0.5), given, fisheye, (height, width))
+        camera = Calibrated(length, (column - 0.5, row - 0.5), given, lens, (height, width))
         cameras[identity] = ColmapCamera(number, model, (height, width), camera)
     if not cameras:
         raise InputError(f"{path} has no camera: give the cameras.txt that COLMAP wrote.")

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.checks import as_whole_number, check_choice, warn
-from persfs_cl.colour import ColourSpace, Three, to_display
+from persfs_cl.colour import ColourSpace, Curve, Three, to_display
 from persfs_cl.errors import InputError
+from persfs_cl.io.code_points import CodePoints, coded_space
 from persfs_cl.io.decode import read_raster, require_brightness, require_sensor
 from persfs_cl.io.files import FilePath, as_path
 from persfs_cl.io.profiles import profile_space
@@ -49,8 +50,8 @@ class Photo:
         Where it came from.
     bits : int
         Bits per sample in the file.
-    encoding : {"srgb", "linear", "profile"}
-        How the samples were understood; "profile" by the curves of the colour profile.
+    encoding : {"srgb", "linear", "profile", "pq", "hlg"}
+        How the samples were understood; "profile" by the curves of the colour profile, the last two as in HDR photos.
     channel : {"luminance", "red", "green", "blue", "mean", "max"}
         What of the colours the image is.
     largest_sample : ndarray of uint8, uint16 or float, shape (H, W)
@@ -62,7 +63,7 @@ class Photo:
     orientation : int
         How EXIF turned the photo: 1 not at all, 2 to 8 as EXIF numbers them. The arrays are upright already.
     profile : str
-        Name of the colour profile that was used, or "camera" for a raw file; empty where there is none.
+        Name of the colour profile or code that was used, or "camera" for a raw file; empty where there is none.
     space : ColourSpace
         What the numbers mean: the curve, and the light of the primaries.
 
@@ -79,7 +80,7 @@ class Photo:
     mask: NDArray[np.bool_] | None
     path: Path
     bits: int
-    encoding: Literal["srgb", "linear", "profile"]
+    encoding: Curve
     channel: Channel
     largest_sample: NDArray[Any]
     smallest_sample: NDArray[Any]
@@ -176,8 +177,9 @@ def read_photo(
         What becomes the grey image: luminance, by Rec. 709 or the primaries of the colour profile, one channel, or the
         mean or the largest of the three, always of linear values. Grey files have only the one.
     encoding : {"auto", "srgb", "linear"}
-        What the samples are. "auto" goes by an embedded ICC profile, if there is one; without it, it takes integers as
-        sRGB and floats as linear. The others go before the profile.
+        What the samples are. "auto" goes by an embedded ICC profile, or the code points of HEIC and AVIF, such as PQ
+        and HLG, if there are such; without them, it takes integers as sRGB and floats as linear. The others go before
+        what the file says.
     keep_nan : bool
         Take NaN, in a file of floats, for pixels without a value, instead of refusing the photo; they are black
         in `Photo.colour`.
@@ -336,7 +338,9 @@ def _space(path: Path, raster: Raster, encoding: Encoding) -> ColourSpace:
     if encoding != "auto":
         return _SRGB if encoding == "srgb" else _LINEAR
     told = None
-    if raster.space is not None:
+    if isinstance(raster.space, CodePoints):
+        told = coded_space(path, raster.space)
+    elif raster.space is not None:
         told = profile_space(path, raster.space, raster.colours.shape[2])
     return told or (_LINEAR if raster.samples.dtype.kind == "f" else _SRGB)
 

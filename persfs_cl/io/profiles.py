@@ -40,7 +40,7 @@ def profile_space(path: Path, profile: bytes, channels: int) -> ColourSpace | No
         When the profile cannot be used, and why.
     """
     try:
-        space = _space(profile, channels)
+        space = space_of(profile, channels)
     except Exception as error:  # noqa: BLE001  whatever LittleCMS raises at broken data
         space = f"is broken ({error})" if str(error) else "is broken"
     if isinstance(space, ColourSpace):
@@ -53,8 +53,8 @@ def profile_space(path: Path, profile: bytes, channels: int) -> ColourSpace | No
 
 
 @lru_cache(maxsize=32)
-def _space(profile: bytes, channels: int) -> ColourSpace | str:
-    """The space, or why there is none."""
+def space_of(profile: bytes, channels: int) -> ColourSpace | str:
+    """The space of a profile for images of 1 or 3 colours, or why there is none."""
     from PIL import ImageCms
 
     told = ImageCms.ImageCmsProfile(io.BytesIO(profile)).profile

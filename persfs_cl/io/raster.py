@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.colour import ColourSpace
+from persfs_cl.io.code_points import CodePoints
 
 # What each EXIF orientation but 1, upright, has done to the photo.
 ON_A_SIDE = (5, 6, 7, 8)
@@ -31,14 +32,14 @@ class Raster:
         Of a sample.
     orientation : int
         By EXIF, already undone.
-    space : ColourSpace or bytes or None
-        What the file says of its numbers: what is known of them for sure, or an ICC profile; None when nothing.
+    space : ColourSpace, bytes, CodePoints or None
+        What the file says of its numbers: what is known of them for sure, an ICC profile, or codes; None when nothing.
     """
 
     samples: NDArray[Any]
     bits: int
     orientation: int = 1
-    space: ColourSpace | bytes | None = None
+    space: ColourSpace | bytes | CodePoints | None = None
 
     @property
     def white(self) -> float:

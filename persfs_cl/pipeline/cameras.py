@@ -16,7 +16,8 @@ from persfs_cl.errors import CameraError, InputError
 from persfs_cl.io.calibrations import Calibrated
 from persfs_cl.io.colmap import read_colmap_cameras, read_colmap_images, unknown_model
 from persfs_cl.io.files import FilePath, as_path, read_bytes, read_lines
-from persfs_cl.lens import Distortion, Fisheye, as_distortion
+from persfs_cl.lens.distortion import Distortion, as_distortion
+from persfs_cl.lens.fisheye import Fisheye
 from persfs_cl.pipeline.listing import Input
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.wording import brief
@@ -103,8 +104,8 @@ def read_cameras(path: FilePath) -> CameraTable:
           with a `path` each in a list. `focal_length` may be a pair, `principal_point` may stand for `cx` and `cy`, and
           a list `distortion` for its coefficients.
         - The folder of a model of COLMAP, in text, or its `cameras.txt`, with `images.txt` beside it. Cameras are of
-          any of its models but FOV. COLMAP centres pixels on halves, which is taken into
-          account. Without `images.txt`, its only camera is that of all photographs.
+          any of its pinhole, radial, OpenCV, fisheye and FOV models. COLMAP centres pixels on halves, which is taken
+          into account. Without `images.txt`, its only camera is that of all photographs.
 
     Returns
     -------

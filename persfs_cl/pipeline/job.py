@@ -42,7 +42,7 @@ from persfs_cl.solver.inputs import warn_of_steep_outline
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.solver.reconstruct import reconstruct
-from persfs_cl.surface.formats.format import Taken
+from persfs_cl.surface.outcome import Taken
 from persfs_cl.surface.solution import Solution
 from persfs_cl.wording import keyword
 
@@ -349,9 +349,8 @@ def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:
     inputs = ready.inputs
     height, width = inputs.photo.image.shape
     taken = Taken(inputs.camera, (height, width), inputs.job.outlined)
-    return PhotoSolution(
-        solution, inputs.photo.path, ready.colour, ready.prepared, ready.unfiltered, taken, ready.report
-    )
+    solution = replace(solution, taken_by=taken)
+    return PhotoSolution(solution, inputs.photo.path, ready.colour, ready.prepared, ready.unfiltered, ready.report)
 
 
 def solve(ready: PreparedJob, callback: Callback | None = None) -> PhotoSolution:
@@ -417,7 +416,8 @@ def _require_shading(photo: Photo, mask: Mask) -> None:
     """Refuse a photo by its own values, before they are normalised."""
     values = photo.image[mask]
     if bad := int(np.count_nonzero(np.isnan(values))):
-        raise InputError(f"{bad} NaN pixels are among those to solve: leave them out with {keyword('mask')}.")
+        are = "1 NaN pixel is" if bad == 1 else f"{bad} NaN pixels are"
+        raise InputError(f"{are} among those to solve: leave them out with {keyword('mask')}.")
     darkest, brightest = float(values.min()), float(values.max())
     if brightest <= 0:
         raise InputError("every pixel to solve is black: there is no shading to reconstruct from.")

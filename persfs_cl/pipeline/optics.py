@@ -12,7 +12,8 @@ from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
 from persfs_cl.io.cameras import read_camera
 from persfs_cl.io.exif import exif_focal_length
-from persfs_cl.lens import Distortion, Fisheye
+from persfs_cl.lens.distortion import Distortion, told
+from persfs_cl.lens.numbers import Lens
 from persfs_cl.wording import keyword
 
 _WIDE = 120.0
@@ -75,10 +76,13 @@ class CameraChoice:
     @property
     def said(self) -> dict[str, Any]:
         """What is said of the camera itself, for the report."""
-        lens = self.distortion
+        lens: Any = self.distortion
+        if isinstance(lens, Lens):
+            model, coefficients = told(lens)
+            lens = {model: coefficients}
         return {
             **{name: getattr(self, name) for name in ("focal_length", "fov", "principal_point")},
-            "distortion": {"fisheye": lens.coefficients} if isinstance(lens, Fisheye) else lens,
+            "distortion": lens,
         }
 
     def of(self, path: Path, shape: tuple[int, int]) -> tuple[Camera, str]:
@@ -117,7 +121,7 @@ class CameraChoice:
             return Camera(length, self.principal_point, self.distortion), f"EXIF {tags}"
         camera = Camera(self.focal_length, self.principal_point, self.distortion)
         view = horizontal_view(camera, shape)
-        if view > _WIDE and not isinstance(self.distortion, Fisheye):
+        if view > _WIDE and not isinstance(self.distortion, Lens):
             given = keyword("focal_length", camera.fx, written=f"{camera.fx:g}")
             warn(
                 f"{given} means a view of {view:.0f} degrees from left to right of the {shape[1]} pixels: it is in "

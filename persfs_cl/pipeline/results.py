@@ -17,7 +17,6 @@ from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
-from persfs_cl.surface.formats.format import Taken
 from persfs_cl.surface.formats.pictures import PAGE, PREVIEW
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
@@ -43,8 +42,6 @@ class PhotoSolution:
         With the maps of saturated pixels, highlights and others.
     unfiltered : ndarray of float64, shape (height, width)
         The photo itself, on the scale of the prepared image.
-    taken : Taken
-        Camera and size of the photo.
     report : mapping
         What the report says besides what it says of the solution.
     """
@@ -54,7 +51,6 @@ class PhotoSolution:
     colour: NDArray[np.uint8]
     prepared: PreparedPhoto
     unfiltered: Array
-    taken: Taken
     report: Mapping[str, Any]
 
     @cached_property
@@ -168,7 +164,6 @@ def write(
             derived,
             colour=solved.colour,
             report=report,
-            taken=solved.taken,
             threads=threads,
         )
         if not set(PREVIEW).isdisjoint(saving.files):

@@ -14,7 +14,7 @@ from persfs_cl.choices import GuideScale
 from persfs_cl.errors import InputError
 from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.guide import Guide
-from persfs_cl.maps import as_array_of_image
+from persfs_cl.maps import as_array_of_image, no_numbers
 from persfs_cl.masks import Neighbours
 from persfs_cl.shading.model import Light, Model, largest
 from persfs_cl.shading.reflectance import Reflectance
@@ -108,8 +108,7 @@ def require_shading(
     darkest, brightest = float(extremes[:, 0].min()), float(extremes[:, 1].max())
     why = None
     if not (math.isfinite(darkest) and math.isfinite(brightest)):
-        bad = np.count_nonzero(~np.isfinite(brightness[solved]))
-        why = f"holds {bad} NaN or infinite values inside the mask: mask them out."
+        why = no_numbers(brightness, solved)
     elif darkest < 0.0 or brightest > most * (1.0 + 1e-6):
         why = f"ranges from {darkest:g} to {brightest:g}: {model.too_bright(most)}"
     elif brightest == 0.0:

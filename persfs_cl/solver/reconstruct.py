@@ -23,7 +23,7 @@ from persfs_cl.solver.iterate import Watch
 from persfs_cl.solver.options import Options, complete, require_guide, with_options
 from persfs_cl.solver.pieces import pieces, solve_in_pieces
 from persfs_cl.solver.problem import Problem
-from persfs_cl.surface.outcome import Status
+from persfs_cl.surface.outcome import Status, Taken
 from persfs_cl.surface.solution import Solution
 from persfs_cl.told import concerning
 from persfs_cl.wording import brief
@@ -283,7 +283,7 @@ def reconstruct_batch(
     chosen = time.perf_counter() - began
     # All before any is solved: a bad image must not be found only after others.
     found: dict[int, Given] = {}
-    taken_by: dict[int, tuple[Camera, tuple[int, int]]] = {}
+    taken_by: dict[int, Taken] = {}
     seconds = []
     for number, image in enumerate(given):
         began = time.perf_counter()
@@ -293,7 +293,7 @@ def reconstruct_batch(
             if isinstance(camera, Camera) and camera.distortion is not None:
                 height, width = np.shape(image)
                 own = straighten(**own)
-                taken_by[number] = camera, (height, width)
+                taken_by[number] = Taken(camera, (height, width))
             found[number] = check(**own, options=settings, whole=False)
         seconds.append(time.perf_counter() - began + chosen / count)
 

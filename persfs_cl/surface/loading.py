@@ -21,11 +21,11 @@ from persfs_cl.errors import CameraError, InputError
 from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.files import FilePath, as_path, read_bytes
 from persfs_cl.io.npy import read_npy, read_npz
-from persfs_cl.lens import Fisheye
+from persfs_cl.lens.distortion import distortion_of
 from persfs_cl.shading.stated import light_from, reflectance_from
 from persfs_cl.surface.formats.records import ARRAYS, MASKS, REPORT, fingerprint
 from persfs_cl.surface.geometry import Discontinuities, depth_array
-from persfs_cl.surface.outcome import Elapsed, Status
+from persfs_cl.surface.outcome import Elapsed, Status, Taken
 from persfs_cl.surface.solution import Solution
 
 _DEPTH = "depth.npy"
@@ -245,23 +245,24 @@ class _Report:
         return self._camera(self._parameters)
 
     @property
-    def taken_by(self) -> tuple[Camera, tuple[int, int]] | None:
-        """Camera and (height, width) of the photograph, where its pixels are others."""
+    def taken_by(self) -> Taken | None:
+        """The photograph, where the surface comes from one."""
         if self._parameters.get("taken_by") is None:
             return None
         said = self._get("taken_by", dict, self._parameters)
         sizes = finite_numbers(said.get("shape"))
         if sizes is None or len(sizes) != 2:
             raise InputError(f"{self.path} has no shape of the photograph: save the solution again.")
-        return self._camera(said), (int(sizes[0]), int(sizes[1]))
+        return Taken(self._camera(said), (int(sizes[0]), int(sizes[1])), self._get("outlined", bool, said))
 
     def _camera(self, within: Mapping[str, Any]) -> Camera:
         given = self._get("camera", dict, within)
-        lens = given.get("distortion")
         try:
             said = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
-            return Camera(**(said | {"distortion": Fisheye(**lens)} if isinstance(lens, dict) else said))
-        except (TypeError, CameraError) as error:
+            if (lens := given.get("distortion")) is not None:
+                said["distortion"] = distortion_of(lens["model"], tuple(lens["coefficients"]))
+            return Camera(**said)
+        except (TypeError, KeyError, CameraError) as error:
             raise InputError(f"{self.path} has an impossible camera ({error}): save the solution again.") from error
 
     def made(self, name: str, make: Any) -> Any:

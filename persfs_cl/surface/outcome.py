@@ -60,6 +60,25 @@ class Elapsed:
     build: float
 
 
+@dataclass(frozen=True)
+class Taken:
+    """The photograph that a surface comes from.
+
+    Attributes
+    ----------
+    camera : Camera
+        That took it, perhaps with a distortion.
+    shape : (int, int)
+        (height, width) of it.
+    outlined : bool
+        Whether it was found, or changed, which of its pixels are the surface.
+    """
+
+    camera: Camera
+    shape: tuple[int, int]
+    outlined: bool = False
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome(SolvedSurface):
     """A surface, and how the run went that found it; :class:`persfs_cl.Solution` says what each is.
@@ -73,7 +92,7 @@ class Outcome(SolvedSurface):
     elapsed : Elapsed
     parameters : mapping
     guide : GuideFit or None
-    taken_by : (Camera, (int, int)) or None
+    taken_by : Taken or None
     """
 
     iterations: int
@@ -83,4 +102,4 @@ class Outcome(SolvedSurface):
     elapsed: Elapsed
     parameters: Mapping[str, Any]
     guide: GuideFit | None = None
-    taken_by: tuple[Camera, tuple[int, int]] | None = None
+    taken_by: Taken | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from persfs_cl.errors import InputError
@@ -28,6 +28,8 @@ class Saving:
         A mesh of more triangles is simplified to so many; None keeps all.
     block : Block
         Size of solids.
+    named : frozenset of str
+        Those of the files that were asked for by their own names, and not by that of a group.
 
     Examples
     --------
@@ -39,6 +41,7 @@ class Saving:
     files: tuple[str, ...]
     mesh_faces: int | None = DEFAULT_MESH_FACES
     block: Block = Block()
+    named: frozenset[str] = field(default=frozenset(), repr=False, compare=False)
 
     @classmethod
     def of(
@@ -74,6 +77,7 @@ class Saving:
         Saving(files=('normals.npy', 'mesh.ply'), mesh_faces=10000, block=Block(width=100.0, base=3.0))
         """
         wanted: set[str] = set()
+        named: set[str] = set()
         for item in _items(items):
             name = item.strip().lower()
             if name not in GROUPS and name not in FORMATS:
@@ -84,12 +88,13 @@ class Saving:
                     value=items,
                 )
             wanted.update(GROUPS.get(name, (name,)))
+            named.update(() if name in GROUPS else (name,))
         if not wanted:
             raise InputError.about("save", items, f"names nothing to write: give items, such as {', '.join(GROUPS)}.")
         files = tuple(file for file in FORMATS if file in wanted)
         for file in files:
             FORMATS[file].require()
-        return cls(files, as_mesh_faces(mesh_faces), Block(width, base))
+        return cls(files, as_mesh_faces(mesh_faces), Block(width, base), frozenset(named))
 
     @property
     def said(self) -> dict[str, Any]:
@@ -112,7 +117,28 @@ class Saving:
         ('depth.npy', 'depth.tiff', 'camera.json')
         """
         left_out = {file for item in items for file in GROUPS.get(item, (item,))}
-        return replace(self, files=tuple(file for file in self.files if file not in left_out))
+        return replace(
+            self, files=tuple(file for file in self.files if file not in left_out), named=self.named - left_out
+        )
+
+    def lacking(self, written: Iterable[str]) -> tuple[str, ...]:
+        """Files that were asked for and are not among those written.
+
+        A group may have pictures that there are not of every surface, and nothing depends on a picture: of these only
+        the ones count that were asked for by their names.
+
+        Examples
+        --------
+        >>> from persfs_cl.surface.saving import Saving
+        >>> Saving.of("depth,mesh,pictures,guide.png").lacking(["depth.npy", "depth.tiff", "camera.json"])
+        ('mesh.ply', 'guide.png')
+        """
+        there = set(written)
+        return tuple(
+            file
+            for file in self.files
+            if file not in there and (file in self.named or FORMATS[file].kind not in ("picture", "preview"))
+        )
 
 
 def _items(items: str | Iterable[str]) -> list[str]:

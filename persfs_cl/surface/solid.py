@@ -6,6 +6,7 @@ sight do not cross, so that neither do its sides, whatever the surface is; and n
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,7 @@ Faces = NDArray[np.int64]
 _APART = 0.1
 """By so many pixels are parts drawn back from a pixel in which they touch: files without indices would join them."""
 
-_TRIES, _FEWEST = 4, 100
+_TRIES, _FEWEST = 12, 4
 """How often simplification is tried for a number of triangles that counts sides and bottom too, and its least."""
 
 _LARGEST = 1e6
@@ -82,12 +83,13 @@ def solid_mesh(depth: ArrayLike, camera: Camera, block: Block, mesh_faces: int |
     -------
     trimesh.Trimesh
         In millimetres, x right, y up in the image, z up toward the camera, with a corner of its bounds in the origin.
-        Its parts are as many as those of the surface.
+        Its parts are as many as those of the surface, unless `mesh_faces` has no triangles for the smallest.
 
     Raises
     ------
     InputError
-        When no three neighbouring pixels have a depth, or the base is too thick for the width.
+        When no three neighbouring pixels have a depth, the base is too thick for the width, or holes and parts take
+        more triangles than `mesh_faces`.
     """
     import trimesh
 
@@ -128,18 +130,39 @@ def _top(z: Array, camera: Camera, most: int | None) -> tuple[Array, Faces]:
         return _used(
             np.asarray(whole.vertices), _each_edge_once(np.asarray(whole.faces, np.int64), len(whole.vertices))
         )
-    wanted = most // 2
-    found: tuple[Array, Faces] = np.empty((0, 3)), np.empty((0, 3), np.int64)
+    least, largest = _FEWEST, most // 2
+    wanted, fewest = largest, sys.maxsize
+    found: tuple[Array, Faces] | None = None
     for _ in range(_TRIES):
-        some = simplified_mesh(z, camera, max(wanted, _FEWEST // 2))
+        some = simplified_mesh(z, camera, wanted)
         faces = _each_edge_once(np.asarray(some.faces, np.int64), len(some.vertices))
-        found = _used(np.asarray(some.vertices), faces)
         # The bottom has as many as the top, and each edge of the rim a side of two.
         total = 2 * len(faces) + 2 * len(_rim(faces, len(some.vertices)))
-        if total <= most or wanted <= _FEWEST // 2:
+        over = total - most
+        if over <= 0:
+            if found is None or len(faces) > len(found[1]):
+                found = _used(np.asarray(some.vertices), faces)
+            if 2 * total >= most:
+                break
+        if over <= 0 or total > fewest:
+            # So few that parts have gone, or that simplification gave up.
+            least = wanted + 1
+            wanted = (least + largest) // 2
+        else:
+            fewest, largest = total, wanted - 1
+            # Next to the last the rim hardly changes; far from it, it shrinks with the rest.
+            fewer = (over + 1) // 2 if 8 * over <= most else len(faces) * over // total
+            wanted = max(min(largest, len(faces) - fewer), least)
+        if least > largest:
             break
-        wanted = max(min(wanted, len(faces)) - (total - most + 1) // 2, _FEWEST // 2)
-    return found
+    if found is not None:
+        return found
+    raise InputError.about(
+        "mesh_faces",
+        most,
+        f"is too few for a solid with the holes and parts of this surface: give {fewest} or more, or a mask that has "
+        "fewer.",
+    )
 
 
 def _used(vertices: Array, faces: Faces) -> tuple[Array, Faces]:

@@ -55,9 +55,10 @@ class Solution(Outcome):
     guide : GuideFit or None
         What became of the guide, see :class:`GuideFit <persfs_cl.guide.fit.GuideFit>`; None without one, and where the
         run was ended before it was used. Then `iterations` and `changes` are of all runs, `distance` of the last.
-    taken_by : (Camera, (int, int)) or None
-        Camera and (height, width) of the image that was given, where its lens bends lines; None where the solution has
-        its pixels.
+    taken_by : Taken or None
+        Camera and (height, width) of the image that was given, where its lens bends lines, and of the photo, where the
+        command or :func:`persfs_cl.batch` has read one, see :class:`Taken <persfs_cl.surface.outcome.Taken>`; None
+        where the solution has the pixels and the camera that were given.
 
     Examples
     --------

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from persfs_cl.checks import warn
 from persfs_cl.errors import InputError
 from persfs_cl.surface.formats import FORMATS
-from persfs_cl.surface.formats.format import Format, Kind, Source, Taken
+from persfs_cl.surface.formats.format import Format, Kind, Source
 from persfs_cl.surface.jobs import Jobs
 from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.plots.canvas import prepare_to_draw
@@ -30,7 +30,6 @@ def write_files(
     *,
     colour: NDArray[np.uint8] | None = None,
     report: Callable[[], Mapping[str, Any]] = dict,
-    taken: Taken | None = None,
     threads: int = 1,
 ) -> list[str]:
     """Write files of a surface, all but previews.
@@ -47,8 +46,6 @@ def write_files(
         As for :meth:`persfs_cl.Solution.save`.
     report : callable
         Returns further entries for the report, where there is one.
-    taken : Taken, optional
-        The photograph, where the surface comes from one.
     threads : int
         How many files are made at a time. With one, the memory for a mesh is taken when that for all else is free.
 
@@ -75,7 +72,6 @@ def write_files(
         report=whole_report,
         mesh_faces=saving.mesh_faces,
         block=saving.block,
-        taken=taken,
     )
     makers = {
         one: partial(one.write, folder / one.file, source)
@@ -115,6 +111,9 @@ def write_files(
         raise next(iter(lost.values()))
     if not makers and all(one.write is not None for one in wanted):
         raise InputError(f"There is no {' and no '.join(saving.files)} of this surface: give other items to save.")
+    for one in wanted:
+        if one.file in saving.named and not one.applies(source):
+            lost[one.file] = InputError("there is none of this surface, so leave it out.")
     for file, error in lost.items():
         warn(f"{file} could not be made: {error} All other files are complete without it.")
     return written

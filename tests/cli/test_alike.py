@@ -13,6 +13,7 @@ from persfs_cl.cli.batch_progress import Tally
 from persfs_cl.pipeline.manifest import Record
 from persfs_cl.pipeline.run import BatchResult
 from persfs_cl.pipeline.store import FolderStore
+from persfs_cl.surface.saving import Saving
 
 
 def said(count: int, *, every_name: bool) -> Alike:
@@ -66,7 +67,7 @@ def test_reasons_without_end_are_counted() -> None:
 
 
 def test_warnings_that_photos_share_are_told_once_with_their_number() -> None:
-    tally = Tally(str)
+    tally = Tally(str, Saving.of("depth"))
     for name in ("a.png", "b.png", "c.png"):
         texts = ("White is a guess.", "White is a guess.", f"{name} was resized.") + ("Odd.",) * (name == "b.png")
         record = Record(name=name, path=name, status="done", converged="CONVERGED", warnings=texts)
@@ -82,7 +83,7 @@ def test_warnings_that_photos_share_are_told_once_with_their_number() -> None:
 def test_a_table_on_a_terminal_has_a_row_for_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = photos(tmp_path / "in", 4)
     _, results, _ = pretend(tmp_path / "in", FolderStore(tmp_path / "out"), bad=names[1:])
-    tally = Tally(str)
+    tally = Tally(str, Saving.of("depth"))
     for result in results:
         tally.add(result)
     assert [line.partition(": ")[2] for line in tally.told().splitlines()] == [

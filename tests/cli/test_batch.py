@@ -22,6 +22,7 @@ from persfs_cl.io.export import write_grey
 from persfs_cl.pipeline.listing import Listing
 from persfs_cl.pipeline.plan import Plan
 from persfs_cl.pipeline.run import Batch
+from persfs_cl.surface.saving import Saving
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
 FLASH = ("--light", "flash", "--focal-length", "24")
@@ -85,6 +86,17 @@ def test_every_photo_may_become_a_solid(photos: Path, tmp_path: Path) -> None:
     [solid] = trimesh.load_scene(tmp_path / "out" / "a.png" / "solid.3mf").geometry.values()
     assert solid.is_watertight
     assert max(solid.extents[:2]) == pytest.approx(33.0, rel=1e-6)
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_file_that_cannot_be_made_costs_no_other_and_is_told(photos: Path, tmp_path: Path) -> None:
+    common = ("batch", photos / "a.png", "-o", tmp_path / "out", *FLASH)
+    outcome = run(*common, "--save", "depth,solid.stl", "--width", "1e-9")
+    assert outcome.status == 1
+    assert "a.png: warning: solid.stl could not be made: base=3.0 is too thick for width=1e-09" in outcome.stderr
+    assert "1 without a file that was asked for" in outcome.stderr
+    assert (tmp_path / "out" / "a.png" / "depth.npy").exists()
+    assert run(*common, "--save", "depth,pictures").status == 0
 
 
 def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path: Path) -> None:
@@ -187,7 +199,7 @@ def test_lines_and_bar_share_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("sys.stdout", screen)
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
-    with progress_bar(Batch(Listing([], []), Plan(), None), Tally(str)) as show:
+    with progress_bar(Batch(Listing([], []), Plan(), None), Tally(str, Saving.of("depth"))) as show:
         show("out/[a]" + "b" * 200)
         show("")
     printed = next(line for line in screen.getvalue().split("\n") if "[a]" in line)

@@ -13,6 +13,7 @@ from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl.io.export import write_grey
+from persfs_cl.lens.distortion import distortion_of
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.headers import look
@@ -100,11 +101,38 @@ def test_points_of_the_photo_are_compared_in_the_pixels_of_the_depth(bent: Path)
     assert outcome.status == 0
     assert json.loads(outcome.stdout)["depth"]["mean_relative"] < 0.004
     assert json.loads(outcome.stdout)["depth"]["count"] == len(rows)
-    assert "of which the points are taken to be" in outcome.stderr
+    assert f"of which {folder / 'truth.csv'} is taken to be" in outcome.stderr
     (folder / "out" / "camera.json").unlink()
     outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--json")
     assert json.loads(outcome.stdout)["depth"]["mean_relative"] > 0.01
-    assert "of which the points are taken to be" not in outcome.stderr
+    assert "is taken to be" not in outcome.stderr
+
+
+def test_masks_and_depths_of_the_photo_are_compared_in_the_pixels_of_the_depth(bent: Path) -> None:
+    folder, z = bent.parent, depth(*places(BENT, SHAPE))
+    np.save(folder / "truth.npy", z)
+    common = ("--light", "flash", "--gain", _gain(), "--focal-length", "150", "--save", "depth", "--size", "100")
+    assert run("reconstruct", bent, "-o", folder / "out", "--distortion", COEFFICIENTS, *common).status == 0
+    files = ("compare", folder / "out" / "depth.npy", folder / "truth.npy", "--json")
+    whole, masked = run(*files), run(*files, "--mask", folder / "mask.npy")
+    told = [json.loads(outcome.stdout) for outcome in (whole, masked)]
+    # The mask leaves out eight pixels along each side of the photo.
+    share = np.load(folder / "mask.npy").mean()
+    assert told[1]["count"] == pytest.approx(share * told[0]["count"], rel=0.05)
+    assert told[0]["mean"] < 0.004
+    assert f"of which {folder / 'truth.npy'} is taken to be" in whole.stderr
+    assert f"of which {folder / 'mask.npy'} is taken to be" in masked.stderr
+    np.savetxt(folder / "truth.csv", [(20.0, 30.0, z[30, 20]), (3.0, 3.0, z[3, 3])], delimiter=",")
+    outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--mask", folder / "mask.npy")
+    assert f"1 of 2 points are left out: 1 outside {folder / 'mask.npy'}" in outcome.stderr
+    np.save(folder / "odd.npy", np.ones((7, 7), bool))
+    outcome = run(*files, "--mask", folder / "odd.npy")
+    assert outcome.status == 1
+    assert "odd.npy has shape (7, 7)" in outcome.stderr
+    assert "The photo's, (96, 128), does as well." in outcome.stderr
+    np.save(folder / "odd.npy", np.ones((7, 7)))
+    outcome = run(*files[:2], folder / "odd.npy")
+    assert "or one of the size of the photo, (96, 128)" in outcome.stderr
 
 
 def test_a_smaller_size_alone(bent: Path) -> None:
@@ -122,10 +150,10 @@ def test_a_smaller_size_alone(bent: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_this_process")
-@pytest.mark.parametrize("kind", ["opencv", "fisheye"])
+@pytest.mark.parametrize("kind", ["opencv", "fisheye", "fov"])
 def test_the_file_of_a_camera(bent: Path, kind: str) -> None:
-    lens = LENS if kind == "opencv" else (0.03, -0.01, 0.0, 0.0)
-    camera = ps.Camera(150.0, distortion=LENS if kind == "opencv" else ps.Fisheye(*lens))
+    lens = {"opencv": LENS, "fisheye": (0.03, -0.01, 0.0, 0.0), "fov": (0.6,)}[kind]
+    camera = ps.Camera(150.0, distortion=distortion_of(kind, lens))
     image = flashed(camera, SHAPE)
     write_grey(bent, image / image.max(), 16)
     folder = bent.parent
@@ -144,7 +172,7 @@ def test_the_file_of_a_camera(bent: Path, kind: str) -> None:
     outcome = run("reconstruct", bent, "-o", folder / "one", "--camera", folder / "camera.json", *common)
     assert outcome.status == 0, outcome.stderr
     assert _error(folder / "one") < 0.004
-    given = COEFFICIENTS if kind == "opencv" else "fisheye:0.03,-0.01"
+    given = {"opencv": COEFFICIENTS, "fisheye": "fisheye:0.03,-0.01", "fov": "fov:0.6"}[kind]
     outcome = run("reconstruct", bent, "-o", folder / "two", "--focal-length", "150", "--distortion", given, *common)
     np.testing.assert_array_equal(np.load(folder / "one" / "depth.npy"), np.load(folder / "two" / "depth.npy"))
     outcome = run("batch", bent, "-o", folder / "three", "--camera", folder / "camera.json", *common)
@@ -174,7 +202,10 @@ def test_a_batch_with_a_table_of_lenses_of_smaller_size(bent: Path) -> None:
     ("arguments", "said"),
     [
         (("--distortion", "1,2,3"), "'1,2,3' is not 4, 5, 8, 12 or 14 numbers"),
-        (("--distortion", "fisheye:a"), "'a' is not one to four numbers behind fisheye:"),
+        (("--distortion", "fisheye:a"), "'a' is not k1, k2, k3 and k4, or p1, p2, sx1 and sy1 too, behind fisheye:"),
+        (("--distortion", "fov:0.1,0.2"), "'0.1,0.2' is not the one number ω, behind fov:"),
+        (("--distortion", "fov:4", "--focal-length", "150"), "its angle is in radians, and between -π and π"),
+        (("--distortion", "mirror:4"), "or fisheye: or fov: or rad_tan_thin_prism_fisheye: and its numbers"),
         (("--fov", "60", "--distortion", COEFFICIENTS), "--fov 60.0 tells the focal length only of a lens without"),
         (("--camera", "none.json", "--fov", "60"), "give a file, or the camera by the other options"),
         (("--size", "3"), "'--size'"),
@@ -271,8 +302,14 @@ def test_files_that_there_are_not_of_a_surface(bent: Path) -> None:
     outcome = run(*common, "--save", "guide.png")
     assert outcome.status == 1
     assert "There is no guide.png of this surface" in outcome.stderr
-    outcome = run(*common, "--save", "depth,solid", "--width", "1e-9")
-    assert outcome.status == 0
+    outcome = run(*common, "--save", "depth,guide.png", "--overwrite")
+    assert outcome.status == 1
+    assert "guide.png could not be made: there is none of this surface, so leave it out." in outcome.stderr
+    assert {path.name for path in (bent.parent / "out").iterdir()} >= {"depth.npy", "camera.json"}
+    # That a group has pictures which there are not of every surface is no failure.
+    assert run(*common, "--save", "depth,pictures", "--overwrite").status == 0
+    outcome = run(*common, "--save", "depth,solid", "--width", "1e-9", "--overwrite")
+    assert outcome.status == 1
     assert "solid.stl could not be made" in outcome.stderr
     assert (bent.parent / "out" / "depth.npy").exists()
     assert not (bent.parent / "out" / "solid.stl").exists()

@@ -371,3 +371,17 @@ def test_pipes_are_refused_at_once(tmp_path: Path, command: str) -> None:
     outcome = run(*commands[command])
     assert outcome.status == 1
     assert "is a pipe, not a regular file" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--size", "3"), ("--size", "abc"), ("--denoise", "9"), ("--page", "0"), ("--mask-erode", "-1")],
+)
+def test_a_number_out_of_its_range_is_told_with_its_option(
+    option: str, value: str, photo: Path, tmp_path: Path
+) -> None:
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", option, value)
+    assert outcome.status == 2
+    told = outcome.stderr.partition("Invalid value for ")[2]
+    assert f"'{option}'" in told
+    assert value in told.replace(option, "")

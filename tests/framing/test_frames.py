@@ -16,11 +16,15 @@ from persfs_cl.framing.frame import Frame
 from persfs_cl.framing.maps import Maps
 from persfs_cl.framing.reduced import Reduced, reduced_shape
 from persfs_cl.framing.straightened import Straightened
-from persfs_cl.pipeline.frames import in_depth
+from persfs_cl.pipeline.beside import other_pixels
+from persfs_cl.surface.outcome import Taken
 
 SHAPE = (96, 128)
 BARREL = ps.Camera(150.0, distortion=(-0.25, 0.06, 0.002, -0.001))
 LENSES = [BARREL, ps.Camera(150.0, (60.0, 50.0), (0.12, 0.02, 0.0, 0.0)), ps.Camera(140.0, distortion=ps.Fisheye(0.03))]
+ANGLE = ps.Camera(150.0, distortion=ps.FieldOfView(0.6))
+MOST = ps.Camera(140.0, distortion=ps.RadTanFisheye(0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
+PRISMS = ps.Camera(140.0, distortion=ps.Fisheye(0.03, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
 
 
 @pytest.fixture(params=["straightened", "reduced", "odd"])
@@ -111,7 +115,7 @@ def test_a_guide_says_the_same_of_the_same_rays(frame: Frame, cells: tuple[int, 
     assert np.nanmean(off) < (0.01 if cells[0] < 20 else 0.002)
 
 
-@pytest.mark.parametrize("camera", LENSES, ids=lambda camera: str(camera.distortion))
+@pytest.mark.parametrize("camera", [*LENSES, ANGLE, MOST], ids=lambda camera: str(camera.distortion))
 def test_a_bent_image_is_solved_as_well_as_a_straight_one(camera: ps.Camera) -> None:
     pinhole = ps.Camera(camera.focal_length, camera.principal_point)
 
@@ -171,6 +175,20 @@ def test_what_does_not_fit_the_bent_image_is_refused(name: str, given: Any) -> N
         ps.reconstruct(flashed(BARREL, SHAPE), BARREL, light=ps.FlashLight(), **{name: given})
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("masked", [False, True])
+def test_pixels_without_a_value_are_counted_in_the_image_that_was_given(value: float, masked: bool) -> None:
+    image = flashed(BARREL, SHAPE).copy()
+    image[60, 60:63] = image[20, 20] = value
+    mask = np.ones(SHAPE, bool)
+    mask[20, 20] = not masked
+    said = f"image holds {3 if masked else 4} NaN or infinite values inside the mask"
+    with pytest.raises(InputError, match=said):
+        ps.reconstruct(image, BARREL, light=ps.FlashLight(), mask=mask)
+    solution = ps.reconstruct(image, BARREL, light=ps.FlashLight(), mask=mask & np.isfinite(image))
+    assert np.isfinite(solution.depth[solution.solved]).all()
+
+
 def test_a_guide_that_says_nothing_of_the_view_is_refused() -> None:
     maps = Maps(guide=ps.Points([1e6], [1e6], [1.0]))
     with pytest.raises(InputError, match=r"guide.* no point"):
@@ -211,30 +229,38 @@ def test_a_reduced_camera_sees_the_same_view() -> None:
     np.testing.assert_allclose(frame.placed(corners), new, rtol=0, atol=1e-12)
 
 
-PRISMS = ps.Camera(140.0, distortion=ps.Fisheye(0.03, 0.0, 0.0, 0.0, 0.002, -0.001, 0.003, 0.001))
-
-
-def test_a_lens_with_prisms_is_straightened() -> None:
-    straight, pinhole = ps.undistort(depth(*places(PRISMS, SHAPE)), PRISMS)
+@pytest.mark.parametrize("camera", [PRISMS, ANGLE, MOST], ids=["prisms", "fov", "most"])
+def test_a_lens_that_opencv_does_not_know_is_straightened(camera: ps.Camera) -> None:
+    straight, pinhole = ps.undistort(depth(*places(camera, SHAPE)), camera)
     grid = pinhole.grid(straight.shape)
     off = np.abs(straight - depth(*np.broadcast_arrays(grid.x, grid.y)))
     assert np.nanmean(off) < 0.001
 
 
-@pytest.mark.parametrize("camera", [BARREL, LENSES[-1], PRISMS], ids=["opencv", "fisheye", "prisms"])
+@pytest.mark.parametrize(
+    "camera", [BARREL, LENSES[-1], PRISMS, ANGLE, MOST], ids=["opencv", "fisheye", "prisms", "fov", "most"]
+)
 def test_what_took_the_image_is_saved_with_the_surface(camera: ps.Camera, tmp_path: Path) -> None:
     solution = ps.reconstruct(flashed(camera, SHAPE), camera, light=ps.FlashLight())
-    assert solution.taken_by == (camera, SHAPE)
+    assert solution.taken_by == Taken(camera, SHAPE)
     solution.save(tmp_path, save="depth,solution")
-    assert ps.load(tmp_path).taken_by == (camera, SHAPE)
+    assert ps.load(tmp_path).taken_by == Taken(camera, SHAPE)
     points = np.array([[64.0, 48.0, 1.0], [20.0, 30.0, 1.0]])
     height, width = solution.depth.shape
-    moved = in_depth(points, tmp_path / "depth.npy", (height, width))
-    assert moved is not None
-    np.testing.assert_allclose(moved[:, :2], Straightened(camera, SHAPE).placed(points[:, :2]), rtol=0, atol=1e-9)
+    found = other_pixels(tmp_path / "depth.npy", (height, width))
+    assert found is not None
+    straight = Straightened(camera, SHAPE)
+    moved = found.points(points)
+    np.testing.assert_allclose(moved[:, :2], straight.placed(points[:, :2]), rtol=0, atol=1e-9)
+    # Linear between the same pixels; beyond them this has no value.
+    values = np.random.default_rng(0).random(SHAPE)
+    mapped = found.map(values)
+    there = np.isfinite(mapped)
+    assert there.mean() > 0.8
+    np.testing.assert_allclose(mapped[there], straight.mean(values)[there], atol=1e-4)
     (tmp_path / "camera.json").write_text("[")
-    with pytest.warns(UserWarning, match=r"camera\.json cannot be used .*points are taken to be in the pixels of"):
-        assert in_depth(points, tmp_path / "depth.npy", (height, width)) is None
+    with pytest.warns(UserWarning, match=r"camera\.json cannot be used .*all is taken to be in the pixels of"):
+        assert other_pixels(tmp_path / "depth.npy", (height, width)) is None
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,11 @@ def test_what_opencv_writes(tmp_path: Path, suffix: str) -> None:
             ps.Camera((590.0, 588.0), (320.0, 240.0)),
         ),
         (
+            "fov.json",
+            json.dumps({"K": MATRIX, "D": [0.9], "distortion_model": "FOV"}),
+            ps.Camera((590.0, 588.0), (320.0, 240.0), ps.FieldOfView(0.9)),
+        ),
+        (
             "fisheye.json",
             json.dumps({"camera_matrix": MATRIX, "dist_coeffs": [[0.1], [0.2], [0.3], [0.4]], "fisheye_model": 1}),
             ps.Camera((590.0, 588.0), (320.0, 240.0), ps.Fisheye(0.1, 0.2, 0.3, 0.4)),
@@ -117,6 +122,13 @@ def test_what_others_write(tmp_path: Path, name: str, text: str, camera: ps.Came
         ),
         ("SIMPLE_RADIAL_FISHEYE 640 480 590 320.5 240.5 1", ps.Camera(590.0, (320.0, 240.0), ps.Fisheye(1))),
         ("RADIAL_FISHEYE 640 480 590 320.5 240.5 1 2", ps.Camera(590.0, (320.0, 240.0), ps.Fisheye(1, 2))),
+        ("SIMPLE_FISHEYE 640 480 590 320.5 240.5", ps.Camera(590.0, (320.0, 240.0), ps.Fisheye())),
+        ("FISHEYE 640 480 590 588 320.5 240.5", ps.Camera((590.0, 588.0), (320.0, 240.0), ps.Fisheye())),
+        ("FOV 640 480 590 588 320.5 240.5 0.9", ps.Camera((590.0, 588.0), (320.0, 240.0), ps.FieldOfView(0.9))),
+        (
+            "RAD_TAN_THIN_PRISM_FISHEYE 640 480 590 588 320.5 240.5 1 2 3 4 5 6 7 8 9 10 11 12",
+            ps.Camera((590.0, 588.0), (320.0, 240.0), ps.RadTanFisheye(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)),
+        ),
     ],
 )
 def test_cameras_of_colmap(tmp_path: Path, line: str, camera: ps.Camera) -> None:
@@ -138,7 +150,13 @@ def test_cameras_of_colmap(tmp_path: Path, line: str, camera: ps.Camera) -> None
         ("a.json", '{"K": [[5, 1, 3], [0, 5, 3], [0, 0, 1]]}', CameraError, "with skew"),
         ("a.json", '{"K": [0, 0, 1, 1]}', CameraError, r"a\.json: focal_length=\(0\.0, 0\.0\) is impossible"),
         ("a.json", '{"K": [5, 5, 1, 1], "D": [1, 2]}', CameraError, r"a\.json: distortion=.* is impossible"),
-        ("a.json", '{"K": [5, 5, 1, 1], "D": [1], "fisheye_model": true}', CameraError, "impossible for a fisheye"),
+        (
+            "a.json",
+            '{"K": [5, 5, 1, 1], "D": [1], "fisheye_model": true}',
+            CameraError,
+            "impossible for a lens of the model fisheye",
+        ),
+        ("a.json", '{"K": [5, 5, 1, 1], "D": [4], "model": "fov"}', CameraError, "between -π and π"),
         ("a.json", '{"K": [5, 5, 1, 1], "model": "omni"}', CameraError, "has the lens model 'omni'"),
         ("a.json", '{"K": [5, 5, 1, 1], "width": 0.5, "height": 4}', InputError, "has 0.5 for image_width"),
         ("a.json", '{"K": [5, 5, 1, 1], "width": NaN, "height": 4}', InputError, "has nan for image_width"),
@@ -157,7 +175,8 @@ def test_cameras_of_colmap(tmp_path: Path, line: str, camera: ps.Camera) -> None
         ("a.yaml", "text", InputError, r"a\.yaml"),
         ("a.toml", "K = 1", InputError, "is no camera by its name"),
         ("cameras.txt", "1 PINHOLE 4 4 1 1 1 1\n2 PINHOLE 4 4 1 1 1 1\n", InputError, "has 2 cameras: leave the line"),
-        ("cameras.txt", "1 FOV 4 4 1 1 1 1 1\n", CameraError, "has the camera model FOV"),
+        ("cameras.txt", "1 DIVISION 4 4 1 1 1 1 1\n", CameraError, "has the camera model DIVISION"),
+        ("cameras.txt", "1 FOV 4 4 1 1 1 1 4\n", CameraError, "between -π and π"),
         ("cameras.txt", "1 OPENCV 4 4 1 1 1 1 1\n", InputError, "COLMAP writes 8 parameters for OPENCV there"),
     ],
 )

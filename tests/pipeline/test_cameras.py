@@ -20,7 +20,7 @@ CAMERAS = """# Camera list with one line of data per camera:
 1 SIMPLE_PINHOLE 640 480 500 320 240
 2 PINHOLE 800 600 700 710 401.5 300
 7 SIMPLE_RADIAL 640 480 500 320 240 0.1
-8 FOV 640 480 500 500 320 240 0.1
+8 DIVISION 640 480 500 500 320 240 0.1
 """
 IMAGES = """# Image list with two lines of data per image:
 1 1 0 0 0 0 0 0 1 s/a b.jpg
@@ -97,7 +97,7 @@ def test_cameras_of_colmap(tmp_path: Path) -> None:
             "c.jpg": CameraChoice((700.0, 710.0), None, (401.0, 299.5), (600, 800)),
             "d.jpg": CameraChoice(500.0, None, (319.5, 239.5), (480, 640), distortion=(0.1, 0.0, 0.0, 0.0)),
         }
-        with pytest.raises(CameraError, match=r"^.*e\.jpg: .*line 6, has the camera model FOV.*undistorter"):
+        with pytest.raises(CameraError, match=r"^.*e\.jpg: .*line 6, has the camera model DIVISION.*undistorter"):
             table.choice(Input(tmp_path / "e.jpg", "e.jpg"))
     found = table.choice(Input(tmp_path / "images" / "c.jpg", "images/c.jpg"), roots=[tmp_path / "images"])
     assert found.of(tmp_path, (600, 800)) == (ps.Camera((700.0, 710.0), (401.0, 299.5)), "focal_length of cameras.txt")
@@ -115,8 +115,8 @@ def test_a_single_camera_of_colmap_is_that_of_all(tmp_path: Path) -> None:
     write(tmp_path / "cameras.txt", CAMERAS)
     with pytest.raises(InputError, match=r"cameras\.txt has 4 cameras: put COLMAP's images\.txt beside it"):
         read_cameras(tmp_path)
-    write(tmp_path / "cameras.txt", "1 FOV 640 480 500 500 320 240 0\n")
-    with pytest.raises(CameraError, match=r"line 1, has the camera model FOV.*image_undistorter"):
+    write(tmp_path / "cameras.txt", "1 DIVISION 640 480 500 500 320 240 0\n")
+    with pytest.raises(CameraError, match=r"line 1, has the camera model DIVISION.*image_undistorter"):
         read_cameras(tmp_path)
     (tmp_path / "cameras.txt").rename(tmp_path / "cameras.bin")
     with pytest.raises(InputError, match=r"does not exist, but cameras\.bin: .*colmap model_converter"):

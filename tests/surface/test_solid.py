@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,23 @@ def test_few_triangles_are_closed_too(name: str) -> None:
     require_printable(trimesh.Trimesh(few.vertices.astype(np.float32), few.faces))
     assert few.volume == pytest.approx(whole.volume, rel=0.01)
     assert max(few.extents[:2]) == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("most", [100, 150, 300, 1000])
+@pytest.mark.parametrize("name", MASKS)
+def test_no_more_triangles_than_were_asked_for(name: str, most: int) -> None:
+    solid = solid_mesh(with_mask(MASKS[name]), CAMERA, Block(), most)
+    assert len(solid.faces) <= most
+    require_printable(solid)
+
+
+def test_fewer_triangles_than_holes_take_are_refused_with_a_number_that_is_enough() -> None:
+    down, across = np.mgrid[:40, :40]
+    depth = np.where((across % 2 == 0) | (down % 2 == 0), 2.0 + 0.01 * np.sin(down), np.nan)
+    with pytest.raises(ps.InputError, match=r"mesh_faces=100 is too few for a solid .*: give \d+ or more") as refused:
+        solid_mesh(depth, CAMERA, Block(), 100)
+    enough = int(re.findall(r"give (\d+) or more", str(refused.value))[0])
+    assert 100 < len(solid_mesh(depth, CAMERA, Block(), enough).faces) <= enough
 
 
 def test_a_wall_is_no_gap() -> None:

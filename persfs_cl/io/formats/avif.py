@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.io.code_points import CodePoints, code_points_in
 from persfs_cl.io.formats.format import Source
 from persfs_cl.io.formats.pillow import PillowFormat
 
@@ -38,6 +39,10 @@ class Avif(PillowFormat):
         place = properties.find(b"av1C")
         flags = properties[place + 6] if 0 <= place < len(properties) - 6 else 0
         return (12 if flags & 0x20 else 10) if flags & 0x40 else 8
+
+    def codes(self, source: Source) -> CodePoints | None:
+        """By the box of code points."""
+        return code_points_in(bytes(source.data[:_PROPERTIES]))
 
     def deep(self, source: Source, photo: PIL.Image.Image, picture: int) -> NDArray[Any]:
         """By imagecodecs: Pillow has 8 bits only."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from persfs_cl.errors import InputError
+from persfs_cl.io.code_points import CodePoints
 from persfs_cl.io.formats.format import Format, Source
 from persfs_cl.io.limits import require_pixels
 from persfs_cl.io.raster import Header, Raster, unsigned, upright
@@ -38,7 +39,7 @@ class Heic(Format):
         picture = _picture(source)
         samples = np.asarray(picture)
         samples = samples[..., None] if samples.ndim == 2 else samples
-        return Raster(upright(samples, 1), _bits(picture), 1, _bytes(picture, "icc_profile") or None)
+        return Raster(upright(samples, 1), _bits(picture), 1, _bytes(picture, "icc_profile") or _codes(picture))
 
     def size(self, source: Source) -> tuple[int, int]:
         """By pillow-heif."""
@@ -53,6 +54,13 @@ class Heic(Format):
 def _bits(picture: pillow_heif.HeifImage) -> int:
     depth = picture.info.get("bit_depth")
     return depth if isinstance(depth, int) else 8
+
+
+def _codes(picture: pillow_heif.HeifImage) -> CodePoints | None:
+    told = picture.info.get("nclx_profile")
+    if not isinstance(told, dict):
+        return None
+    return CodePoints(int(told["color_primaries"]), int(told["transfer_characteristics"]))
 
 
 def _bytes(picture: pillow_heif.HeifImage, name: str) -> bytes:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.errors import InputError
+from persfs_cl.io.code_points import CodePoints
 from persfs_cl.io.formats.format import Format, Source
 from persfs_cl.io.limits import require_pixels
 from persfs_cl.io.raster import Header, Raster, exif_orientation, unsigned, upright, upright_shape
@@ -34,6 +35,10 @@ class PillowFormat(Format):
     def deep(self, source: Source, photo: PIL.Image.Image, picture: int) -> NDArray[Any]:
         """The samples where they have more than 8 bits, which Pillow would cut."""
         raise NotImplementedError
+
+    def codes(self, source: Source) -> CodePoints | None:
+        """What the file says of its numbers, where it has no profile."""
+        return None
 
     def picture(self, source: Source, photo: PIL.Image.Image) -> int:
         """Which picture of several is wanted, from 0."""
@@ -70,7 +75,7 @@ class PillowFormat(Format):
             picture, bits = self.picture(source, photo), self.bits(source, photo)
             _require_mode(source, photo)
             orientation = exif_orientation(photo.getexif().get(_EXIF_ORIENTATION))
-            profile = photo.info.get("icc_profile") or None
+            space = photo.info.get("icc_profile") or self.codes(source)
             if bits > 8:
                 samples = self.deep(source, photo, picture)
             else:
@@ -79,7 +84,7 @@ class PillowFormat(Format):
                 samples = np.asarray(photo.convert(_flat_mode(photo)))
         if samples.ndim == 2:
             samples = samples[..., None]
-        return Raster(upright(samples, orientation), bits, orientation, profile)
+        return Raster(upright(samples, orientation), bits, orientation, space)
 
     def size(self, source: Source) -> tuple[int, int]:
         """By Pillow."""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.camera import Camera
 from persfs_cl.errors import InputError
 from persfs_cl.surface import triangulation
 from persfs_cl.surface.outcome import Outcome
@@ -26,25 +25,6 @@ if TYPE_CHECKING:
     import trimesh
 
 Kind = Literal["data", "picture", "mesh", "solid", "preview"]
-
-
-@dataclass(frozen=True)
-class Taken:
-    """The photograph that a surface comes from.
-
-    Attributes
-    ----------
-    camera : Camera
-        That took it, perhaps with a distortion.
-    shape : (int, int)
-        (height, width) of it.
-    outlined : bool
-        Whether it was found, or changed, which of its pixels are the surface.
-    """
-
-    camera: Camera
-    shape: tuple[int, int]
-    outlined: bool = False
 
 
 class Source:
@@ -63,8 +43,6 @@ class Source:
         A mesh of more triangles is simplified to so many.
     block : Block
         Size of what is printed.
-    taken : Taken, optional
-        The photograph, where the surface comes from one.
     """
 
     def __init__(
@@ -76,11 +54,9 @@ class Source:
         report: Callable[[], Mapping[str, Any]] = dict,
         mesh_faces: int | None = None,
         block: Block = Block(),
-        taken: Taken | None = None,
     ) -> None:
         self.solution, self.derived, self.report = solution, derived, report
         self.mesh_faces, self.block = mesh_faces, block
-        self.taken = taken or (None if solution.taken_by is None else Taken(*solution.taken_by))
         self._colour = colour
 
     @property
@@ -88,6 +64,12 @@ class Source:
         """(height, width)."""
         height, width = self.solution.depth.shape
         return height, width
+
+    @property
+    def outlined(self) -> bool:
+        """Whether it was found, or changed, which pixels of a photograph are the surface."""
+        taken = self.solution.taken_by
+        return taken is not None and taken.outlined
 
     @property
     def rgb(self) -> NDArray[np.uint8]:

@@ -104,7 +104,7 @@ PICTURES = (
     _picture("comparison", _comparison),
     _picture("confidence", _confidence),
     _picture("convergence", _convergence),
-    _picture("outline", _outline, applies=lambda source: source.taken is not None and source.taken.outlined),
+    _picture("outline", _outline, applies=lambda source: source.outlined),
     _picture("guide", _guide, applies=lambda source: source.solution.guide is not None),
 )
 PREVIEWS = (

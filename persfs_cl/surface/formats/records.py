@@ -21,7 +21,7 @@ from persfs_cl.arrays import Array
 from persfs_cl.blocks import row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.io.export import write_arrays, write_json
-from persfs_cl.lens import Fisheye
+from persfs_cl.lens.distortion import told
 from persfs_cl.shading.stated import stated
 from persfs_cl.surface.formats.format import Format, Source
 from persfs_cl.surface.outcome import Outcome
@@ -62,12 +62,12 @@ def report_of(solution: Outcome, derived: Derived) -> dict[str, Any]:
         "confidence": confidence.report(),
         "seconds": asdict(solution.elapsed),
         "parameters": {
-            "camera": asdict(solution.camera),
+            "camera": _stated(solution.camera),
             "focal_length": [solution.camera.fx, solution.camera.fy],
             "principal_point": list(solution.camera.centre((height, width))),
             "taken_by": None
-            if solution.taken_by is None
-            else {"camera": asdict(solution.taken_by[0]), "shape": list(solution.taken_by[1])},
+            if (taken := solution.taken_by) is None
+            else {"camera": _stated(taken.camera), "shape": list(taken.shape), "outlined": taken.outlined},
             "light": stated(solution.light),
             "reflectance": stated(solution.reflectance),
             **solution.parameters,
@@ -82,6 +82,16 @@ def report_of(solution: Outcome, derived: Derived) -> dict[str, Any]:
             "python": platform.python_version(),
             **{name: version(name) for name in ("persfs-cl", "pyopencl", "numpy")},
         },
+    }
+
+
+def _stated(camera: Camera) -> dict[str, Any]:
+    """What a report says of a camera, of which :func:`persfs_cl.load` makes the same again."""
+    lens = camera.distortion
+    return {
+        "focal_length": camera.focal_length,
+        "principal_point": camera.principal_point,
+        "distortion": None if lens is None else dict(zip(("model", "coefficients"), told(lens), strict=True)),
     }
 
 
@@ -126,7 +136,7 @@ def _write_report(target: Path, source: Source) -> None:
 
 
 def _write_camera(target: Path, source: Source) -> None:
-    taken = source.taken
+    taken = source.solution.taken_by
     own = _calibration(source.solution.camera, source.shape)
     photo = {} if taken is None else {"photo": _calibration(taken.camera, taken.shape)}
     write_json(target, {**own, "axes": "x to the right, y down, z forward; pixels are centred on integers"}, photo)
@@ -135,13 +145,12 @@ def _write_camera(target: Path, source: Source) -> None:
 def _calibration(camera: Camera, shape: tuple[int, int]) -> dict[str, Any]:
     """What a file says of the camera of an image of shape (height, width), as :meth:`Camera.from_file` reads it."""
     column, row = camera.centre(shape)
-    lens = camera.distortion
-    coefficients = () if lens is None else lens.coefficients if isinstance(lens, Fisheye) else lens
+    model, coefficients = ("none", ()) if camera.distortion is None else told(camera.distortion)
     return {
         "image_width": shape[1],
         "image_height": shape[0],
         "camera_matrix": [[camera.fx, 0.0, column], [0.0, camera.fy, row], [0.0, 0.0, 1.0]],
-        "distortion_model": "none" if lens is None else "fisheye" if isinstance(lens, Fisheye) else "opencv",
+        "distortion_model": model,
         "distortion_coefficients": list(coefficients),
     }
 

@@ -13,7 +13,7 @@ import imagecodecs
 import numpy as np
 import pytest
 import tifffile
-from dng import BLACK, GAINS, WHITE, mosaic, smooth_light, write_dng
+from dng import BLACK, GAINS, WHITE, X_TRANS, mosaic, smooth_light, write_dng, write_grey_dng
 from numpy.typing import NDArray
 from PIL import ExifTags, Image
 from samples import WEIGHTS, turned_upright
@@ -122,6 +122,27 @@ def test_a_mosaic_is_read_to_its_linear_light_with_the_black_level_taken_out(tmp
     for channel, gain in channels:
         image = read_photo(path, channel=channel).image
         np.testing.assert_allclose(image[4:-4, 4:-4], gain * light[4:-4, 4:-4], rtol=8e-3)
+
+
+def test_a_sensor_without_colours_is_read_to_its_light(tmp_path: Path) -> None:
+    light = smooth_light(SHAPE)
+    path = write_grey_dng(tmp_path / "a.dng", np.rint(BLACK + (WHITE - BLACK) * light).astype(np.uint16))
+    photo = read_photo(path)
+    assert (photo.encoding, photo.white, photo.profile) == ("linear", 65535, "camera")
+    np.testing.assert_allclose(photo.image, light, atol=1e-4)
+    half = read_photo(path, half_size=True).image
+    np.testing.assert_allclose(half, light[:, :96].reshape(32, 2, 48, 2).mean(axis=(1, 3)), atol=1e-4)
+
+
+@pytest.mark.parametrize("half_size", [False, True])
+def test_the_pattern_of_six_by_six_is_read_to_its_light(tmp_path: Path, half_size: bool) -> None:
+    light = smooth_light((516, 522))  # LibRaw wants 512 of them
+    path = write_dng(tmp_path / "a.dng", mosaic(light, pattern=X_TRANS), pattern=X_TRANS)
+    photo = read_photo(path, channel="green", half_size=half_size)
+    expected = light.reshape(258, 2, 261, 2).mean(axis=(1, 3)) if half_size else light
+    np.testing.assert_allclose(photo.image[8:-8, 8:-8], expected[8:-8, 8:-8], rtol=6e-3)
+    red = read_photo(path, channel="red", half_size=half_size).image
+    np.testing.assert_allclose(red[8:-8, 8:-8], GAINS[0] * expected[8:-8, 8:-8], rtol=1.5e-2)
 
 
 def test_channels_are_weighted_by_the_balance_of_the_camera(tmp_path: Path) -> None:
