@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import subprocess
@@ -101,6 +102,60 @@ def test_links_are_mended(page: str, text: str) -> None:
 
 def test_without_a_repository_links_to_its_files_are_text() -> None:
     assert LINKS.mended("of [`it`](../LICENSE), [a](guided.md)", "batch.md", None) == "of `it`, [a](guided.md)"
+
+
+NOTEBOOK = ROOT / LINKS.NOTEBOOK
+
+
+def outputs(notebook: Path) -> list[dict[str, Any]]:
+    """What the cells show, in their order."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return [output for cell in cells if cell["cell_type"] == "code" for output in cell["outputs"]]
+
+
+def printed(notebook: Path) -> list[str]:
+    """What the cells print."""
+    return ["".join(output["text"]) for output in outputs(notebook) if output["output_type"] == "stream"]
+
+
+def kinds(notebook: Path) -> list[list[str]]:
+    """How each thing is shown that is not printed."""
+    return [sorted(output["data"]) for output in outputs(notebook) if output["output_type"] != "stream"]
+
+
+def test_the_notebook_holds_what_it_shows_and_nothing_of_a_machine() -> None:
+    assert printed(NOTEBOOK)
+    # Two surfaces, each for front ends of both kinds.
+    assert kinds(NOTEBOOK).count(["image/png", "text/html", "text/plain"]) == 2
+    text = NOTEBOOK.read_text(encoding="utf-8")
+    assert not re.search(r"/(home|root|tmp|work|Users)/| at 0x[0-9a-f]|C:", text)
+    assert len(text) < 600_000
+
+
+def test_the_notebook_becomes_a_page() -> None:
+    page = load("notebook").markdown_of(NOTEBOOK)
+    assert page.startswith("# ")
+    for text in printed(NOTEBOOK):
+        assert f"```text\n{text}```" in page
+    assert page.count("<iframe ") == 2
+    # An empty line would end the HTML.
+    assert not [line for line in page.splitlines() if "<iframe " in line and "</iframe>" not in line]
+    links = re.findall(r"\]\(([^)#]+\.md)", re.sub(r"<div .*</div>", "", page))
+    assert links
+    for link in links:
+        assert (NOTEBOOK.parent / link).exists(), link
+
+
+@pytest.mark.thorough
+def test_the_notebook_runs_and_shows_the_same(tmp_path: Path) -> None:
+    for module in ("nbclient", "ipykernel"):
+        pytest.importorskip(module, reason=f"{module} is not installed: the extra [docs] has it")
+    again = tmp_path / "again.ipynb"
+    command = [sys.executable, str(ROOT / "docs" / "site" / "run_notebook.py"), str(NOTEBOOK), str(again)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert printed(again) == printed(NOTEBOOK)
+    assert kinds(again) == kinds(NOTEBOOK)
 
 
 @pytest.mark.thorough
