@@ -71,6 +71,9 @@ docs: $(INSTALLED)
 notebook: $(INSTALLED)
 	$(BIN)/python docs/site/run_notebook.py docs/notebooks/first-steps.ipynb
 
+gallery: $(INSTALLED)
+	$(BIN)/python docs/site/gallery.py
+
 bench: $(YARDSTICKS)
 	$(BIN)/persfs-cl bench
 
