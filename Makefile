@@ -14,7 +14,7 @@ CASE ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-thorough test-drivers fuzz lint docs bench paper release clean
+.PHONY: help install demo test test-thorough test-drivers fuzz lint docs notebook gallery bench paper release clean
 
 help:
 	@echo "make demo     reconstruct the bundled photograph; the results go to demo-output/"
@@ -24,6 +24,8 @@ help:
 	@echo "make fuzz     random files and calls; SECONDS=600 SEED=0 tell how long and which, CASE=image:7 runs one again"
 	@echo "make lint     check style, types and which module imports which"
 	@echo "make docs     build the handbook, in .cache/site"
+	@echo "make notebook  run the handbook's notebook, and keep what it shows"
+	@echo "make gallery  make the surfaces and the pictures of docs/gallery.md"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
 	@echo "make release  build the files of a release, and try them with every Python that is here"
@@ -65,6 +67,12 @@ lint: $(INSTALLED)
 docs: $(INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "The handbook: .cache/site/index.html"
+
+notebook: $(INSTALLED)
+	$(BIN)/python docs/site/run_notebook.py docs/notebooks/first-steps.ipynb
+
+gallery: $(INSTALLED)
+	$(BIN)/python docs/site/gallery.py
 
 bench: $(YARDSTICKS)
 	$(BIN)/persfs-cl bench

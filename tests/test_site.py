@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -17,16 +19,19 @@ from test_docstrings import FACES
 
 import persfs_cl
 from persfs_cl.cli.app import app
+from persfs_cl.page import marked
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
 def load(name: str) -> ModuleType:
     """A module of docs/site/, which MkDocs finds by itself."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "site" / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(f"site_{name}", ROOT / "docs" / "site" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    # Where dataclasses look for the module of their annotations.
+    sys.modules[module.__name__] = module
     spec.loader.exec_module(module)
     return module
 
@@ -62,7 +67,9 @@ def test_the_list_of_names_is_whole() -> None:
     assert sorted(re.findall(r"\[`(\w+)`\]\[persfs_cl\.\1\]", text)) == sorted(persfs_cl.__all__)
 
 
-@pytest.mark.parametrize("page", ["calibrate", "choosing", "first-photo", "gpu", "guided", "troubleshooting"])
+@pytest.mark.parametrize(
+    "page", ["calibrate", "choosing", "first-photo", "gallery", "gpu", "guided", "troubleshooting"]
+)
 def test_options_that_a_page_names_exist(page: str) -> None:
     commands: Any = typer.main.get_command(app)
     context = typer.Context(commands)
@@ -101,6 +108,97 @@ def test_links_are_mended(page: str, text: str) -> None:
 
 def test_without_a_repository_links_to_its_files_are_text() -> None:
     assert LINKS.mended("of [`it`](../LICENSE), [a](guided.md)", "batch.md", None) == "of `it`, [a](guided.md)"
+
+
+NOTEBOOK = ROOT / LINKS.NOTEBOOK
+
+
+def outputs(notebook: Path) -> list[dict[str, Any]]:
+    """What the cells show, in their order."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    return [output for cell in cells if cell["cell_type"] == "code" for output in cell["outputs"]]
+
+
+def printed(notebook: Path) -> list[str]:
+    """What the cells print."""
+    return ["".join(output["text"]) for output in outputs(notebook) if output["output_type"] == "stream"]
+
+
+def kinds(notebook: Path) -> list[list[str]]:
+    """How each thing is shown that is not printed."""
+    return [sorted(output["data"]) for output in outputs(notebook) if output["output_type"] != "stream"]
+
+
+def test_the_notebook_holds_what_it_shows_and_nothing_of_a_machine() -> None:
+    assert printed(NOTEBOOK)
+    # Two surfaces, each for front ends of both kinds.
+    assert kinds(NOTEBOOK).count(["image/png", "text/html", "text/plain"]) == 2
+    text = NOTEBOOK.read_text(encoding="utf-8")
+    assert not re.search(r"/(home|root|tmp|work|Users)/| at 0x[0-9a-f]|C:", text)
+    assert len(text) < 600_000
+
+
+def test_the_notebook_becomes_a_page() -> None:
+    page = load("notebook").markdown_of(NOTEBOOK)
+    assert page.startswith("# ")
+    for text in printed(NOTEBOOK):
+        assert f"```text\n{text}```" in page
+    assert page.count("<iframe ") == 2
+    # An empty line would end the HTML.
+    assert not [line for line in page.splitlines() if "<iframe " in line and "</iframe>" not in line]
+    links = re.findall(r"\]\(([^)#]+\.md)", re.sub(r"<div .*</div>", "", page))
+    assert links
+    for link in links:
+        assert (NOTEBOOK.parent / link).exists(), link
+
+
+@pytest.mark.thorough
+def test_the_notebook_runs_and_shows_the_same(tmp_path: Path) -> None:
+    for module in ("nbclient", "ipykernel"):
+        pytest.importorskip(module, reason=f"{module} is not installed: the extra [docs] has it")
+    again = tmp_path / "again.ipynb"
+    command = [sys.executable, str(ROOT / "docs" / "site" / "run_notebook.py"), str(NOTEBOOK), str(again)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert printed(again) == printed(NOTEBOOK)
+    assert kinds(again) == kinds(NOTEBOOK)
+
+
+GALLERY = load("gallery")
+ENTRIES = {entry.name: entry for entry in GALLERY.entries(GALLERY.PAGE.read_text(encoding="utf-8"))}
+
+
+def test_the_gallery_has_a_dozen_subjects_and_small_pictures() -> None:
+    page = GALLERY.PAGE.read_text(encoding="utf-8")
+    assert len(ENTRIES) >= 12
+    assert len(ENTRIES) == len(re.findall("^## ", page, re.MULTILINE)), "an entry without commands or picture"
+    assert {*ENTRIES} == {*marked(page)}
+    assert all(marked(page).values()), "an entry without figures"
+    pictures = {file.stem: file.stat().st_size for file in (ROOT / "docs" / "gallery").iterdir()}
+    assert {*pictures} == {*ENTRIES}
+    assert sum(pictures.values()) < 1_500_000
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_commands_of_the_gallery_can_be_parsed(name: str) -> None:
+    commands = ENTRIES[name].commands
+    subprocess.run(["bash", "-n"], input=commands, text=True, check=True)
+    for program in re.findall(r"^python << 'END'\n(.*?)^END$", commands, re.MULTILINE | re.DOTALL):
+        compile(program, name, "exec")
+    typed = re.findall(r"^persfs-cl (.*)$", commands.replace("\\\n", " "), re.MULTILINE)
+    assert any("-o result" in line for line in typed)
+    for line in typed:
+        command, *arguments = shlex.split(line)
+        parser: Any = typer.main.get_command(app)
+        parser = parser.get_command(typer.Context(parser), command)
+        parser.make_parser(typer.Context(parser)).parse_args(arguments)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["coin", "inscription", "rabbit", "torch"])
+def test_commands_of_the_gallery_give_the_figures_of_the_page(name: str, tmp_path: Path) -> None:
+    assert GALLERY.make(ENTRIES[name], tmp_path) == marked(GALLERY.PAGE.read_text(encoding="utf-8"))[name]
+    assert GALLERY.picture(tmp_path).shape[0] == 300
 
 
 @pytest.mark.thorough

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from links import ELSEWHERE, ROOT, mended, pictures_elsewhere, place_of
+from links import ELSEWHERE, NOTEBOOK, ROOT, mended, pictures_elsewhere, place_of
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+from notebook import markdown_of
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -14,7 +15,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         place = place_of(source)
         if place is None:
             raise ValueError(f"{source} has no place on the site: docs/site/links.py gives it one.")
-        files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+        if source == NOTEBOOK:
+            files.append(File.generated(config, place, content=markdown_of(ROOT / source)))
+        else:
+            files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     return files
 
 

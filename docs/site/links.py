@@ -9,14 +9,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
+NOTEBOOK = "docs/notebooks/first-steps.ipynb"
 ELSEWHERE = {
+    NOTEBOOK: "notebook.md",
     "README.md": "index.md",
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "kernels/README.md": "kernels.md",
     "persfs_cl/data/README.md": "photographs.md",
 }
-"""Pages that stand beside what they are about, and where they are on the site."""
+"""Pages that stand beside what they are about, or are no Markdown, and where they are on the site."""
 
 PICTURES = "pictures"
 """Where pictures that lie outside of docs/ go."""

@@ -75,6 +75,10 @@ def _options(config: ConfigOption = None, dump_config: DumpOption = False) -> No
     """The two, as they are declared."""
 
 
+_WIDEST = 16
+"""Letters that the choices of an option may take in the help's column of values."""
+
+
 class ConfiguredCommand(TyperCommand):
     """A command of the app that reads files of options, if it is :func:`configurable`."""
 
@@ -106,6 +110,13 @@ class ConfiguredCommand(TyperCommand):
         super(ConfiguredCommand, relaxed).parse_args(ctx, args)
         typer.echo(dumped(settings.values(), ctx.params, ctx.command_path).encode(), nl=False)
         raise typer.Exit
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help, so that it fits a terminal of 80 columns."""
+        choices = {one.parameter: one.choices for one in settings_of(self.callback, self.params, ()).values()}
+        narrow = copy.copy(self)
+        narrow.params = [_narrow(parameter, choices.get(parameter.name, ())) for parameter in self.params]
+        super(ConfiguredCommand, narrow).format_help(ctx, formatter)
 
     def invoke(self, ctx: Any) -> Any:
         """Say of an option that cannot be used in which file it stands."""
@@ -217,6 +228,21 @@ def _shown(value: Any) -> str:
 def _same_as(name: str) -> set[str]:
     """The options that say what one says, itself included."""
     return {name}.union(*(names for names in _ALTERNATIVES if name in names))
+
+
+def _narrow(parameter: Any, choices: tuple[str, ...]) -> Any:
+    """The same parameter with what is long told in its help, which wraps, and not in columns of their own."""
+    narrow = copy.copy(parameter)
+    if len("|".join(choices)) > _WIDEST:
+        narrow.metavar = "NAME"
+        if not all(choice in parameter.help for choice in choices):
+            narrow.help = f"{parameter.help} One of {', '.join(choices)}."
+    if parameter.secondary_opts:
+        narrow.secondary_opts = []
+        default = "On by default: " if parameter.default is True else ""
+        narrow.help = f"{parameter.help} {default}{' or '.join(parameter.secondary_opts)} turns it off."
+        narrow.show_default = False
+    return narrow
 
 
 def _optional(parameter: Any) -> Any:

@@ -75,6 +75,12 @@ class Setting:
     panel: str
     path: MayBePath | None
 
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The words of which it takes one; none where it takes anything else."""
+        words = tuple(map(str, get_args(self.kind)))
+        return words or (tuple(self.metavar.strip("<>").split("|")) if self.metavar.startswith("<") else ())
+
     def typed(self, value: Any, folder: Path) -> Any:
         """A value of TOML as the command line would have it.
 
@@ -106,10 +112,7 @@ class Setting:
 
     def lines(self, value: Any) -> Iterator[str]:
         """What stands in a file for a value of the option, with its help; a comment where it is the default."""
-        words = get_args(self.kind)
-        listed = words or (self.metavar.strip("<>").split("|") if self.metavar.startswith("<") else ())
-        about = f"{self.help} One of {', '.join(listed)}." if listed else self.help
-        yield from _comment(about)
+        yield from _comment(f"{self.help} One of {', '.join(self.choices)}." if self.choices else self.help)
         off = value == self.default or (self.many and not value)
         yield f"{'#' * off}{self.name} = {self._example() if off and value in (None, []) else self._toml(value)}"
 

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import IO, Any
 
-from persfs_cl.io.files import atomic_path, json_text
+from persfs_cl.io.files import atomic_path
 from persfs_cl.surface.formats.pictures import PAGE
+from persfs_cl.surface.views.pages import drawing_script, json_in_page, page_file, parts
 
 MOST_ROWS = 50_000
 """Images that a page lists; a browser takes seconds to open one of more."""
 _MOST_FAILURES = 10_000
 """Images listed beyond those because they failed."""
 
-_SCRIPTS = "text.js", "records.js", "table.js", "heights.js", "viewer.js", "panel.js", "main.js"
+_SCRIPTS = "records.js", "table.js", "panel.js", "main.js"
 _LEFT_OUT = {"input_hash", "parameter_hash", "version"}
-_MARKER = re.compile(r"\{\{(\w+)\}\}")
 
 
 def write_index(
@@ -64,15 +61,15 @@ def write_index(
         # A title may have letters that no file can hold.
         temporary.open("w", encoding="utf-8", errors="replace", newline="\n") as file,
     ):
-        for number, part in enumerate(_MARKER.split(_file("index.html"))):
-            if number % 2 == 0:
+        for named, part in parts(_file("index.html")):
+            if not named:
                 file.write(part)
             elif part == "records":
                 _write_records(file, counts.listed(records))
             elif part == "about":
                 # After the records, which are counted as they are written.
                 about = {"title": title, "total": counts.total, "failed": counts.failed}
-                file.write(_json({**about, "parameters": dict(_flat(parameters or {}))}))
+                file.write(json_in_page({**about, "parameters": dict(_flat(parameters or {}))}))
             else:
                 file.write({"title": html.escape(title), "style": _file("page.css"), "script": _script()}[part])
     return target
@@ -101,14 +98,9 @@ class _Counts:
 def _write_records(file: IO[str], records: Iterable[Mapping[str, Any]]) -> None:
     separator = "["
     for record in records:
-        file.write(separator + _json({key: value for key, value in record.items() if key not in _LEFT_OUT}))
+        file.write(separator + json_in_page({key: value for key, value in record.items() if key not in _LEFT_OUT}))
         separator = ",\n"
     file.write("]" if separator != "[" else "[]")
-
-
-def _json(value: Any) -> str:
-    """JSON in ASCII that is safe inside of a script element: nothing in it ends the element or begins a comment."""
-    return json_text(value, indent=None).replace("<", "\\u003c")
 
 
 def _flat(parameters: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
@@ -129,11 +121,9 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-@cache
 def _script() -> str:
-    return "\n".join(map(_file, _SCRIPTS))
+    return "\n".join([drawing_script(), *map(_file, _SCRIPTS)])
 
 
-@cache
 def _file(name: str) -> str:
-    return (files("persfs_cl.gallery") / "page" / name).read_text(encoding="utf-8").rstrip()
+    return page_file(__package__ or "", name)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.gallery.index import write_index
-from persfs_cl.gallery.preview import write_preview
 from persfs_cl.io.files import filling
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
@@ -21,6 +20,7 @@ from persfs_cl.surface.formats.pictures import PAGE, PREVIEW
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
 from persfs_cl.surface.solved import Derived
+from persfs_cl.surface.views.preview import write_preview
 from persfs_cl.surface.writing import write_files
 
 EVERYTHING = Saving.of("depth,mesh,pictures,page,report,solution")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.solid import Block
 from persfs_cl.surface.solved import Derived, Unreliable
+from persfs_cl.surface.views.notebook import surface_html, surface_png
 from persfs_cl.surface.writing import write_file, write_files
 
 
@@ -78,14 +78,16 @@ class Solution(Outcome):
         depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if solved else ""
         return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
 
+    def _repr_html_(self) -> str | None:
+        """Depth, shaded relief and a relief that turns, for notebooks.
+
+        None where nothing has a depth, so that they show the line above.
+        """
+        return surface_html(self) if self.solved.any() else None
+
     def _repr_png_(self) -> bytes | None:
-        """The surface seen obliquely, for notebooks; None where there is none, so that they show the line above."""
-        if not np.isfinite(self.depth).any():
-            return None
-        with TemporaryDirectory() as folder:
-            picture = Path(folder) / "relief.png"
-            write_file(picture, FORMATS[picture.name], Source(self, Derived(self)))
-            return picture.read_bytes()
+        """Depth and shaded relief, where a notebook shows no pages."""
+        return surface_png(self) if self.solved.any() else None
 
     def report(self, unreliable: Unreliable | None = None) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON.
@@ -161,8 +163,7 @@ class Solution(Outcome):
         Examples
         --------
         >>> from pathlib import Path
-        >>> from tempfile import TemporaryDirectory
-        >>> import persfs_cl as ps
+        >>>         >>> import persfs_cl as ps
         >>> scene = ps.bump((20, 20), light=ps.FlashLight())
         >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
         >>> with TemporaryDirectory() as folder:

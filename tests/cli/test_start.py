@@ -5,15 +5,20 @@ from __future__ import annotations
 import inspect
 import os
 import platform
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import typer
 from command import run
+from typer.testing import CliRunner
 
 import persfs_cl as ps
+from persfs_cl.cli.app import app
 from persfs_cl.cli.reconstruct import reconstruct
 
 
@@ -38,6 +43,29 @@ def test_help_and_version() -> None:
         assert name == "photo" or f"--{ {'offset': 'lamp'}.get(name, name).replace('_', '-') }" in details
     for text in ("Camera", "Light", "Solver", "DEGREES", "persfs-cl reconstruct photo.jpg", "STOPPED"):
         assert text in details
+
+
+COMMANDS: Any = typer.main.get_command(app)
+
+
+@pytest.mark.parametrize("name", COMMANDS.list_commands(typer.Context(COMMANDS)))
+def test_help_fits_80_columns(name: str) -> None:
+    shown = CliRunner(env={"COLUMNS": "80", "TERM": "dumb"}).invoke(app, [name, "--help"]).stdout
+    assert "…" not in shown
+    assert all(len(line) <= 80 for line in shown.splitlines())
+    for parameter in COMMANDS.get_command(typer.Context(COMMANDS), name).params:
+        if parameter.param_type_name == "option":
+            for option in (max(parameter.opts, key=len), *parameter.secondary_opts):
+                assert re.search(rf"(?<![\w-]){option}(?![\w-])", shown), option
+
+
+def test_help_lists_long_choices_once() -> None:
+    shown = " ".join(run("reconstruct", "--help").stdout.replace("│", " ").split())
+    assert "Order of the pixels in a sweep. One of wavefront, checkerboard, lexicographic." in shown
+    assert shown.count("lexicographic") == 1
+    # Where the help names all of them, it does so once.
+    assert "One of lambertian" not in shown
+    assert "takes a third of them. On by default: --no-acceleration turns it off." in shown
 
 
 def test_module_starts_without_what_help_does_not_need() -> None:

@@ -14,7 +14,7 @@ from made import HOSTILE, chequered, dome, failure, record, surface
 from numpy.typing import NDArray
 
 from persfs_cl.gallery.index import write_index
-from persfs_cl.gallery.preview import write_preview
+from persfs_cl.surface.views.preview import write_preview
 
 PROGRAM = found_browser()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium on this machine: 'apt-get install chromium'")

@@ -361,5 +361,13 @@ def test_a_notebook_shows_the_surface(solution: ps.Solution) -> None:
     shown = solution._repr_png_()
     assert shown is not None
     with Image.open(io.BytesIO(shown)) as picture:
-        assert min(picture.size) > 200
-    assert dataclasses.replace(solution, depth=np.full_like(solution.depth, np.nan))._repr_png_() is None
+        assert min(picture.size) > 150
+    page = solution._repr_html_()
+    assert page is not None
+    assert page.count("<img ") == 2
+    assert page.count("<iframe ") == 1
+    nothing = dataclasses.replace(
+        solution, depth=np.full_like(solution.depth, np.nan), solved=np.zeros_like(solution.solved)
+    )
+    assert nothing._repr_png_() is None
+    assert nothing._repr_html_() is None

@@ -11,12 +11,12 @@ from made import chequered, decoded, dome, handed_over, opened, surface
 from persfs_cl import Camera
 from persfs_cl.arrays import Array, Indices, Mask
 from persfs_cl.errors import InputError
-from persfs_cl.gallery.heights import heights_script
-from persfs_cl.gallery.preview import write_preview
-from persfs_cl.gallery.reduced import Samples
-from persfs_cl.gallery.shaded import shaded
 from persfs_cl.surface import geometry
 from persfs_cl.surface.geometry import Discontinuities
+from persfs_cl.surface.views.heights import heights_script
+from persfs_cl.surface.views.preview import write_preview
+from persfs_cl.surface.views.reduced import Samples
+from persfs_cl.surface.views.shaded import shaded
 
 NAMES = ["preview.jpg", "photo.jpg", "relief.js"]
 

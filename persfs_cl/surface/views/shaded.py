@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Mask
-from persfs_cl.gallery.reduced import Samples
 from persfs_cl.surface.solved import SolvedSurface
+from persfs_cl.surface.views.reduced import Samples
 
 Numbers = NDArray[np.float32]
 """Single precision is far more than the levels of a picture tell apart."""
@@ -15,7 +15,7 @@ Numbers = NDArray[np.float32]
 _LAMP = -0.55, -0.60, -0.58
 """Direction to the lamp in camera axes: from the upper left, as pictures of reliefs are lit since there are maps."""
 _CLAY = 238, 228, 214
-_NOTHING = 118, 122, 128
+NOTHING = 118, 122, 128
 """Where there is no surface: a grey that suits a light page and a dark one."""
 
 
@@ -48,7 +48,7 @@ def shaded(surface: SolvedSurface, samples: Samples) -> NDArray[np.uint8]:
     wrapped = 0.5 + 0.5 * cosine
     brightness = 0.12 + 0.88 * wrapped * np.sqrt(wrapped.clip(0))
     picture = np.empty((*solved.shape, 3), np.uint8)
-    for channel, (clay, nothing) in enumerate(zip(_CLAY, _NOTHING, strict=True)):
+    for channel, (clay, nothing) in enumerate(zip(_CLAY, NOTHING, strict=True)):
         picture[..., channel] = np.where(solved, clay * brightness, nothing)
     return picture
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.colour import to_display
-from persfs_cl.gallery.heights import heights_script
-from persfs_cl.gallery.reduced import Samples
-from persfs_cl.gallery.shaded import shaded
 from persfs_cl.io.files import atomic_path
 from persfs_cl.surface.formats.pictures import PHOTO, PREVIEW, RELIEF, SHADED
 from persfs_cl.surface.solved import SolvedSurface
+from persfs_cl.surface.views.heights import heights_script
+from persfs_cl.surface.views.reduced import Samples
+from persfs_cl.surface.views.shaded import shaded
 
 _PREVIEW_LONGEST = 320
 _PHOTO_LONGEST = 640
@@ -58,9 +58,9 @@ def write_preview(
     InputError
         When a file cannot be written.
     """
-    photo = _photo(solution, colour) if PHOTO in wanted or RELIEF in wanted else b""
+    photo = photo_jpeg(solution, _PHOTO_LONGEST, colour) if PHOTO in wanted or RELIEF in wanted else b""
     made: dict[str, Callable[[], bytes]] = {
-        SHADED: lambda: _jpeg(shaded(solution, Samples.of(_shape(solution), _PREVIEW_LONGEST))),
+        SHADED: lambda: jpeg(shaded(solution, Samples.of(_shape(solution), _PREVIEW_LONGEST))),
         PHOTO: lambda: photo,
         RELIEF: lambda: heights_script(solution, name, photo).encode("ascii"),
     }
@@ -71,15 +71,15 @@ def write_preview(
     return files
 
 
-def _photo(solution: SolvedSurface, colour: NDArray[np.uint8] | None) -> bytes:
-    """The photograph as a JPEG file, or what was solved instead."""
+def photo_jpeg(solution: SolvedSurface, longest: int, colour: NDArray[np.uint8] | None = None) -> bytes:
+    """The photograph as a JPEG file of at most so many pixels a side, or what was solved instead."""
     if colour is None:
-        samples = Samples.of(_shape(solution), _PHOTO_LONGEST)
-        return _jpeg(to_display(np.nan_to_num(solution.image[samples.grid] / solution.white)))
-    return _jpeg(colour, -(-max(_shape(solution)) // _PHOTO_LONGEST))
+        samples = Samples.of(_shape(solution), longest)
+        return jpeg(to_display(np.nan_to_num(solution.image[samples.grid] / solution.white)))
+    return jpeg(colour, -(-max(_shape(solution)) // longest))
 
 
-def _jpeg(pixels: NDArray[np.uint8], block: int = 1) -> bytes:
+def jpeg(pixels: NDArray[np.uint8], block: int = 1) -> bytes:
     """Grey or RGB pixels as a JPEG file, with a pixel for each block of so many a side."""
     from PIL import Image
 

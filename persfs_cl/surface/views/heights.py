@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.gallery.reduced import Samples
 from persfs_cl.io.files import json_text
 from persfs_cl.surface.solved import SolvedSurface
+from persfs_cl.surface.views.reduced import Samples
 
 LONGEST = 256
 """Samples along the longer side: as many as 16-bit indices of WebGL can number in a square."""
@@ -24,9 +24,12 @@ _HIGHEST = 2**16 - 1
 
 
 def heights_script(surface: SolvedSurface, name: str, photo: bytes) -> str:
-    """A script that hands the page the surface.
+    """A script that hands the page the surface: it calls ``persfsRelief`` with the object of `heights`, in ASCII."""
+    return f"persfsRelief({json_text(heights(surface, name, photo), indent=None)});\n"
 
-    It calls ``persfsRelief`` with an object of these entries.
+
+def heights(surface: SolvedSurface, name: str, photo: bytes, longest: int = LONGEST) -> dict[str, Any]:
+    """The surface as the page takes it, ready for JSON.
 
     ``name``
         Of the image.
@@ -52,19 +55,16 @@ def heights_script(surface: SolvedSurface, name: str, photo: bytes) -> str:
     name : str
     photo : bytes
         A JPEG file.
-
-    Returns
-    -------
-    str
-        ASCII.
+    longest : int
+        Samples along the longer side, at most.
     """
     height, width = surface.depth.shape
-    samples = Samples.of((height, width), LONGEST)
+    samples = Samples.of((height, width), longest)
     depth = surface.depth[samples.grid]
     solved = np.isfinite(depth)
     right, down = samples.joined(surface.solved, surface.discontinuities)
     levels, extremes = _levels(depth, solved)
-    values: dict[str, Any] = {
+    return {
         "name": name,
         "size": [height, width],
         "grid": list(depth.shape),
@@ -76,7 +76,6 @@ def heights_script(surface: SolvedSurface, name: str, photo: bytes) -> str:
         "down": _bits(down, solved[:-1] & solved[1:]),
         "photo": f"data:image/jpeg;base64,{_text(photo)}",
     }
-    return f"persfsRelief({json_text(values, indent=None)});\n"
 
 
 def _levels(depth: Array, solved: Mask) -> tuple[NDArray[np.uint16], list[float] | None]:

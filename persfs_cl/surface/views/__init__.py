@@ -1,0 +1,1 @@
+"""What a surface looks like, drawn from few of its pixels: small pictures, and a relief that turns in a browser."""
