@@ -67,9 +67,10 @@ def keyword(name: str, value: object = _NO_VALUE, *, written: str | None = None)
         To be put into the message of an error or a warning; into no other text.
     """
     if value is _NO_VALUE:
-        return f"{_BEGIN}{name}{_END}"
-    fields = (name, brief(value) if written is None else written, _typed(value, written), type(value).__name__)
-    return f"{_BEGIN}{_BETWEEN.join(fields)}{_END}"
+        return _mark(Mention(name))
+    return _mark(
+        Mention(name, brief(value) if written is None else written, _typed(value, written), type(value).__name__)
+    )
 
 
 def parts(text: str) -> Text:
@@ -86,6 +87,17 @@ def parts(text: str) -> Text:
 def worded(text: Iterable[str | Mention], spelling: Spelling = str) -> str:
     """A text put together again, with each mention spelled as its reader knows it."""
     return "".join(piece if isinstance(piece, str) else spelling(piece) for piece in text)
+
+
+def marked(text: Iterable[str | Mention]) -> str:
+    """The text that :func:`parts` takes apart into this: to be put into another message."""
+    return worded(text, _mark)
+
+
+def _mark(mention: Mention) -> str:
+    if mention.value is None:
+        return f"{_BEGIN}{mention.keyword}{_END}"
+    return f"{_BEGIN}{_BETWEEN.join((mention.keyword, mention.value, mention.typed, mention.kind))}{_END}"
 
 
 def brief(value: object) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies
 
-from persfs_cl.wording import Mention, keyword, parts, worded
+from persfs_cl.wording import Mention, keyword, marked, parts, worded
 
 
 @pytest.mark.parametrize(
@@ -41,3 +41,9 @@ def test_a_text_comes_apart_as_it_was_put_together(pieces: list[str | tuple[str,
     assert worded(parts(text)) == plain
     mentions = [piece.keyword for piece in parts(text) if isinstance(piece, Mention)]
     assert mentions == [piece[0] for piece in pieces if not isinstance(piece, str)]
+
+
+def test_a_message_in_another_keeps_its_keywords() -> None:
+    text = f"{keyword('width', 3.0)} is too small for {keyword('base')}."
+    assert parts(marked(parts(text))) == parts(text)
+    assert marked(parts(text)) == text

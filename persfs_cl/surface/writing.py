@@ -20,6 +20,7 @@ from persfs_cl.surface.outcome import Outcome
 from persfs_cl.surface.plots.canvas import prepare_to_draw
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solved import Derived
+from persfs_cl.wording import marked
 
 
 def write_files(
@@ -115,7 +116,7 @@ def write_files(
         if one.file in saving.named and not one.applies(source):
             lost[one.file] = InputError("there is none of this surface, so leave it out.")
     for file, error in lost.items():
-        warn(f"{file} could not be made: {error} All other files are complete without it.")
+        warn(f"{file} could not be made: {marked(error.parts)} All other files are complete without it.")
     return written
 
 

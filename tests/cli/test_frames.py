@@ -310,6 +310,6 @@ def test_files_that_there_are_not_of_a_surface(bent: Path) -> None:
     assert run(*common, "--save", "depth,pictures", "--overwrite").status == 0
     outcome = run(*common, "--save", "depth,solid", "--width", "1e-9", "--overwrite")
     assert outcome.status == 1
-    assert "solid.stl could not be made" in outcome.stderr
+    assert "solid.stl could not be made: --base 3.0 is too thick for --width 1e-09" in outcome.stderr
     assert (bent.parent / "out" / "depth.npy").exists()
     assert not (bent.parent / "out" / "solid.stl").exists()
