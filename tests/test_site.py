@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+import tomlkit
 import typer
 from test_docstrings import FACES
 
@@ -108,6 +109,17 @@ def test_links_are_mended(page: str, text: str) -> None:
 
 def test_without_a_repository_links_to_its_files_are_text() -> None:
     assert LINKS.mended("of [`it`](../LICENSE), [a](guided.md)", "batch.md", None) == "of `it`, [a](guided.md)"
+
+
+def test_where_the_project_lives_stands_in_one_place() -> None:
+    urls = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8")).unwrap()["project"]["urls"]
+    assert {"Homepage", "Repository", "Issues"} <= {*urls}
+    known = None if "//example.org" in urls["Repository"] else urls["Repository"].rstrip("/")
+    assert LINKS.repository() == known
+    pages = [page for room in (ROOT, ROOT / "docs", ROOT / ".github") for page in room.glob("*.md")]
+    for file in [*pages, ROOT / "CITATION.cff", ROOT / "mkdocs.yml"]:
+        text = file.read_text(encoding="utf-8")
+        assert not [url for url in urls.values() if url in text], f"{file.name} names it too"
 
 
 NOTEBOOK = ROOT / LINKS.NOTEBOOK
@@ -217,8 +229,8 @@ def test_the_site_is_built_without_warnings_and_reads_nothing_from_elsewhere(tmp
         fetched = re.findall(r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* href="([^"]+)"', html)
         for target in (source or sheet for source, sheet in fetched):
             assert not re.match(r"(\w+:)?//", target), f"{page.name} reads {target}"
-            # The page of errors is for a server, and begins at its root.
-            if page.name != "404.html":
+            # The page of errors is for a server, and begins at its root. A notebook's pictures lie in the page.
+            if page.name != "404.html" and not target.startswith("data:"):
                 assert (page.parent / target.partition("?")[0]).exists(), f"{page.name} lacks {target}"
 
     reference = "".join(html for page, html in pages.items() if page.parent.name == "reference")
