@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import json
 import os
 import re
@@ -17,6 +18,7 @@ import pytest
 import tomlkit
 import typer
 from test_docstrings import FACES
+from test_readme import PAGES
 
 import persfs_cl
 from persfs_cl.cli.app import app
@@ -83,6 +85,28 @@ def test_options_that_a_page_names_exist(page: str) -> None:
     named = set(re.findall(r"(?<![\w-])--[a-z][\w-]*", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")))
     assert named
     assert not named - options
+
+
+def commands_on(page: Path) -> list[list[str]]:
+    """The arguments of each call of the command that stands in a block of code."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    found = []
+    for line in re.findall(r"^(?: {4}|\$ )?persfs-cl (.*)$", text, re.MULTILINE):
+        words = shlex.shlex(line, posix=True, punctuation_chars=True)
+        words.whitespace_split = True
+        # Up to what is for the shell.
+        found.append(list(itertools.takewhile(lambda word: word[0] not in "|&;<>", words)))
+    return found
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands_on(page)], ids=lambda page: page.name)
+def test_commands_on_pages_can_be_parsed(page: Path) -> None:
+    group: Any = typer.main.get_command(app)
+    for name, *arguments in commands_on(page):
+        if not name.startswith("-"):
+            command = group.get_command(typer.Context(group), name)
+            assert command is not None, f"{page.name} names {name}, which is no command"
+            command.make_parser(typer.Context(command)).parse_args(arguments)
 
 
 MENDED = {
@@ -197,13 +221,7 @@ def test_commands_of_the_gallery_can_be_parsed(name: str) -> None:
     subprocess.run(["bash", "-n"], input=commands, text=True, check=True)
     for program in re.findall(r"^python << 'END'\n(.*?)^END$", commands, re.MULTILINE | re.DOTALL):
         compile(program, name, "exec")
-    typed = re.findall(r"^persfs-cl (.*)$", commands.replace("\\\n", " "), re.MULTILINE)
-    assert any("-o result" in line for line in typed)
-    for line in typed:
-        command, *arguments = shlex.split(line)
-        parser: Any = typer.main.get_command(app)
-        parser = parser.get_command(typer.Context(parser), command)
-        parser.make_parser(typer.Context(parser)).parse_args(arguments)
+    assert re.search(r"persfs-cl reconstruct .* -o result ", commands)
 
 
 @pytest.mark.thorough
