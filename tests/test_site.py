@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import json
 import os
 import re
@@ -14,8 +15,10 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+import tomlkit
 import typer
 from test_docstrings import FACES
+from test_readme import PAGES
 
 import persfs_cl
 from persfs_cl.cli.app import app
@@ -84,6 +87,28 @@ def test_options_that_a_page_names_exist(page: str) -> None:
     assert not named - options
 
 
+def commands_on(page: Path) -> list[list[str]]:
+    """The arguments of each call of the command that stands in a block of code."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    found = []
+    for line in re.findall(r"^(?: {4}|\$ )?persfs-cl (.*)$", text, re.MULTILINE):
+        words = shlex.shlex(line, posix=True, punctuation_chars=True)
+        words.whitespace_split = True
+        # Up to what is for the shell.
+        found.append(list(itertools.takewhile(lambda word: word[0] not in "|&;<>", words)))
+    return found
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands_on(page)], ids=lambda page: page.name)
+def test_commands_on_pages_can_be_parsed(page: Path) -> None:
+    group: Any = typer.main.get_command(app)
+    for name, *arguments in commands_on(page):
+        if not name.startswith("-"):
+            command = group.get_command(typer.Context(group), name)
+            assert command is not None, f"{page.name} names {name}, which is no command"
+            command.make_parser(typer.Context(command)).parse_args(arguments)
+
+
 MENDED = {
     # A page that stands elsewhere, and its place; one of docs/; a picture of either.
     ("index.md", "[a](docs/batch.md#memory)"): "[a](batch.md#memory)",
@@ -108,6 +133,17 @@ def test_links_are_mended(page: str, text: str) -> None:
 
 def test_without_a_repository_links_to_its_files_are_text() -> None:
     assert LINKS.mended("of [`it`](../LICENSE), [a](guided.md)", "batch.md", None) == "of `it`, [a](guided.md)"
+
+
+def test_where_the_project_lives_stands_in_one_place() -> None:
+    urls = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8")).unwrap()["project"]["urls"]
+    assert {"Homepage", "Repository", "Issues"} <= {*urls}
+    known = None if "//example.org" in urls["Repository"] else urls["Repository"].rstrip("/")
+    assert LINKS.repository() == known
+    pages = [page for room in (ROOT, ROOT / "docs", ROOT / ".github") for page in room.glob("*.md")]
+    for file in [*pages, ROOT / "CITATION.cff", ROOT / "mkdocs.yml"]:
+        text = file.read_text(encoding="utf-8")
+        assert not [url for url in urls.values() if url in text], f"{file.name} names it too"
 
 
 NOTEBOOK = ROOT / LINKS.NOTEBOOK
@@ -185,13 +221,7 @@ def test_commands_of_the_gallery_can_be_parsed(name: str) -> None:
     subprocess.run(["bash", "-n"], input=commands, text=True, check=True)
     for program in re.findall(r"^python << 'END'\n(.*?)^END$", commands, re.MULTILINE | re.DOTALL):
         compile(program, name, "exec")
-    typed = re.findall(r"^persfs-cl (.*)$", commands.replace("\\\n", " "), re.MULTILINE)
-    assert any("-o result" in line for line in typed)
-    for line in typed:
-        command, *arguments = shlex.split(line)
-        parser: Any = typer.main.get_command(app)
-        parser = parser.get_command(typer.Context(parser), command)
-        parser.make_parser(typer.Context(parser)).parse_args(arguments)
+    assert re.search(r"persfs-cl reconstruct .* -o result ", commands)
 
 
 @pytest.mark.thorough
@@ -217,8 +247,8 @@ def test_the_site_is_built_without_warnings_and_reads_nothing_from_elsewhere(tmp
         fetched = re.findall(r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* href="([^"]+)"', html)
         for target in (source or sheet for source, sheet in fetched):
             assert not re.match(r"(\w+:)?//", target), f"{page.name} reads {target}"
-            # The page of errors is for a server, and begins at its root.
-            if page.name != "404.html":
+            # The page of errors is for a server, and begins at its root. A notebook's pictures lie in the page.
+            if page.name != "404.html" and not target.startswith("data:"):
                 assert (page.parent / target.partition("?")[0]).exists(), f"{page.name} lacks {target}"
 
     reference = "".join(html for page, html in pages.items() if page.parent.name == "reference")

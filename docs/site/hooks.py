@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from links import ELSEWHERE, NOTEBOOK, ROOT, mended, pictures_elsewhere, place_of
+from links import ELSEWHERE, NOTEBOOK, ROOT, mended, pictures_elsewhere, place_of, repository
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from notebook import markdown_of
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Name the repository in the header, once it is known."""
+    config.repo_url = repository()
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -24,10 +30,5 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001
     """Mend the links."""
-    import tomlkit
-
-    project = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    repository = project.get("urls", {}).get("Repository")
-    if repository and "example.org" in repository:
-        repository = None  # nobody has said where it is
-    return mended(markdown, page.file.src_uri, repository and f"{repository.rstrip('/')}/blob/main")
+    address = repository()
+    return mended(markdown, page.file.src_uri, address and f"{address}/blob/main")

@@ -29,6 +29,15 @@ _IMAGE = re.compile(r'(?P<before><img[^>]* src=")(?P<target>[^"]+)')
 _ADDRESS = re.compile(r"[a-z]+:")
 
 
+def repository() -> str | None:
+    """Where the project lives, as pyproject.toml has it, the one place; None while a placeholder stands there."""
+    import tomlkit
+
+    project = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    address = str(project["urls"]["Repository"]).rstrip("/")
+    return None if "//example.org" in address else address
+
+
 def source_of(page: str) -> str:
     """The file in the repository that a page of the site is made from."""
     return next((source for source, place in ELSEWHERE.items() if place == page), f"docs/{page}")
