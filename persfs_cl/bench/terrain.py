@@ -22,7 +22,7 @@ from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.scenes.meshes import stanford_bunny
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import Light
-from persfs_cl.solver.energy.minimise import Minimum, Stopping
+from persfs_cl.solver.energy.minimise import GAIN, Minimum, Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 
@@ -276,7 +276,7 @@ def _least(plan: Plan, image: Array, camera: ps.Camera, light: Light, mask: Mask
         known=np.full(image.shape, np.nan),
         prior=prior,
     )
-    stopping = Stopping(1e-5, by_distance=True, max_iterations=_ITERATIONS, callback=None)
+    stopping = Stopping(GAIN, "gain", max_iterations=_ITERATIONS, callback=None)
     return regularised(plan.device, sought, stopping, precision=plan.precision)
 
 

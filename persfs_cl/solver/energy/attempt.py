@@ -69,7 +69,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     prior = None if fitted is None else prior_of(fitted)
     stopping = Stopping(
         tolerance=options["tolerance"],
-        by_distance=options["stopping"] == "distance",
+        bounds=options["stopping"],
         max_iterations=options["max_iterations"],
         callback=stop_at_once if stopped else watch,
     )
