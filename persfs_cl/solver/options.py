@@ -254,8 +254,8 @@ class Options(TypedDict, total=False):
         Option(
             None,
             _tolerance,
-            "Ends when ln depth is estimated to be no farther than this from its limit; 1e-5 by default, for regularised "
-            "see --stopping.",
+            "Ends when ln depth is estimated to be no farther than this from its limit; 1e-5 by default, for "
+            "regularised see --stopping.",
         ),
     ]
     stopping: Annotated[
