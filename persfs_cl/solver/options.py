@@ -394,6 +394,13 @@ def ending(scheme: str, stopping: Stopping, tolerance: float | None) -> tuple[St
     return stopping, _TOLERANCES[stopping] if tolerance is None else tolerance
 
 
+def tolerance_of(options: Options) -> float:
+    """The tolerance of complete keywords, see :func:`complete`."""
+    tolerance = options["tolerance"]
+    assert tolerance is not None  # noqa: S101 - for the type checker
+    return tolerance
+
+
 def require_guide(options: Options, *, guided: bool) -> None:
     """Refuse what is said of a guide where there is none.
 

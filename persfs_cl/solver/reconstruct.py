@@ -21,7 +21,7 @@ from persfs_cl.framing.maps import straighten
 from persfs_cl.guide.guide import Points
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
-from persfs_cl.solver.options import Options, complete, require_guide, with_options
+from persfs_cl.solver.options import Options, complete, require_guide, tolerance_of, with_options
 from persfs_cl.solver.pieces import pieces, solve_in_pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
@@ -357,7 +357,7 @@ def _entries(name: str, given: Any) -> list[Any]:
 def _require_convergence(solution: Solution, which: str, options: Options) -> None:
     if solution.status is not Status.CONVERGED:
         change, distance = solution.changes[-1], solution.distance
-        tolerance = math.inf if options["stopping"] == "gain" else options["tolerance"]
+        tolerance = math.inf if options["stopping"] == "gain" else tolerance_of(options)
         # Neither where a round of the lamp, or of the second order, was still to come.
         if change > tolerance:
             still = f": max |ΔZ| is still {change:.3g}, above the tolerance {tolerance:g}"

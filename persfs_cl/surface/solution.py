@@ -47,7 +47,7 @@ class Solution(Outcome):
     distance : float
         Estimate of max |Z - limit|, the limit being where the iteration leads: from the rate at which the changes
         shrink, within a factor of 2 where they do so steadily, and above what rounding leaves. NaN where the changes do
-        not shrink, and after the rounds of an off-axis lamp. For "regularised" it is mostly too large, up to some ten
+        not shrink, and after the rounds of an off-axis lamp. For "regularised" it is mostly too large, up to a hundred
         times, since patches come to rest one after the other; and it does not foresee a patch that leaves for another
         minimum.
     elapsed : Elapsed

@@ -21,7 +21,7 @@ from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.swept import swept
 from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
-from persfs_cl.solver.options import Options
+from persfs_cl.solver.options import Options, tolerance_of
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
 
@@ -70,7 +70,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     between = not (light.determines_depth and options["paint"] == "plain" and not problem.fits_albedo)
     prior = None if fitted is None else prior_of(fitted, between=between)
     stopping = Stopping(
-        tolerance=options["tolerance"],
+        tolerance=tolerance_of(options),
         bounds=options["stopping"],
         max_iterations=options["max_iterations"],
         callback=stop_at_once if stopped else watch,

@@ -246,10 +246,9 @@ def test_the_tolerance_bounds_what_it_is_said_to(device: ps.Device) -> None:
         assert found.status is ps.Status.CONVERGED
         return found
 
-    by_gain, by_change, by_distance = (
-        run(Stopping(tolerance, bounds, 2000, None))
-        for tolerance, bounds in ((1e-3, "gain"), (1e-5, "change"), (1e-5, "distance"))
-    )
+    by_gain = run(Stopping(1e-3, "gain", 2000, None))
+    by_change = run(Stopping(1e-5, "change", 2000, None))
+    by_distance = run(Stopping(1e-5, "distance", 2000, None))
     gained = [(before - after) / after for before, after in zip(by_gain.energies, by_gain.energies[5:], strict=False)]
     assert gained[-1] <= 1e-3 < min(gained[:-1])
     assert by_change.changes[-1] <= 1e-5 < by_change.changes[-2]
