@@ -179,7 +179,8 @@ def energy(plan: Plan) -> Iterator[list[Record]]:
     for size in plan.edges_up_to(_SIZES, _SIZES[-1]):
         if size < 2 * step:
             yield [
-                skip("energy", "terrain", TIME, TIME_UNIT, size, plan.precision, "the image is smaller than a block")
+                skip("energy", name, TIME, TIME_UNIT, size, plan.precision, "the image is smaller than a block")
+                for name in ENDINGS
             ]
             continue
         ground = Terrain.photographed(0.01).repeated(size // step * step)
