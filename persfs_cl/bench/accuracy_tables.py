@@ -9,7 +9,7 @@ from persfs_cl.bench.calibration import QUANTITIES
 from persfs_cl.bench.cells import MILLISECONDS, Records, Tables, a_column_each, pixels_cell, two_digits, value_cell
 from persfs_cl.bench.endoscopy import ERROR_UNIT
 from persfs_cl.bench.report import number
-from persfs_cl.bench.terrain import ANGLE, ERROR
+from persfs_cl.bench.terrain import ANGLE, DISTANCE, ERROR
 from persfs_cl.page import markdown_table
 
 
@@ -143,14 +143,21 @@ def _priors(records: Records) -> str:
 
 
 def _energy(records: Records) -> str:
-    rows: dict[int, list[str]] = {}
+    rows: dict[tuple[int, str], list[str]] = {}
     for record in records:
-        form = two_digits if record.quantity in (ERROR, ANGLE) else number
-        rows.setdefault(record.size, []).append(value_cell(record, form))
-    cells = [(f"{size}²", *row) for size, row in rows.items()]
-    return markdown_table(
-        ("pixels", MILLISECONDS, "iterations", "error, % of the relief", "angle of normals, °"), cells, words=1
+        form = two_digits if record.quantity in (DISTANCE, ERROR, ANGLE) else number
+        rows.setdefault((record.size, record.workload), []).append(value_cell(record, form))
+    cells = [(f"{size}²", name, *row) for (size, name), row in rows.items()]
+    header = (
+        "pixels",
+        "until",
+        MILLISECONDS,
+        "iterations",
+        "distance",
+        "error, % of the relief",
+        "angle of normals, °",
     )
+    return markdown_table(header, cells, words=2)
 
 
 def _errors_and_angles(records: Records) -> dict[str, str]:

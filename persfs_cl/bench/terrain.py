@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -22,13 +23,14 @@ from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.scenes.meshes import stanford_bunny
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import Light
-from persfs_cl.solver.energy.minimise import Minimum, Stopping
+from persfs_cl.solver.energy.minimise import GAIN, Minimum, Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 
 ERROR, ERROR_UNIT = "error", "% of the relief"
 ANGLE, ANGLE_UNIT = "angle of normals", "°"
 COUNT, COUNT_UNIT = "iterations", ""
+DISTANCE, DISTANCE_UNIT = "estimated distance", "ln z"
 FLAT, PRIOR, ENERGY = "flat sheet", "prior", "regularised"
 
 NOISES = (0.0, 0.01, 0.03)
@@ -47,6 +49,8 @@ _PRIOR_NOISE = 0.003
 _GUIDED_SIZE, _GUIDED_STEP, _GUIDE_NOISE = 270, 9, 0.02
 _ITERATIONS = 300
 _SIZES = (512, 1024)
+_BY_GAIN = Stopping(GAIN, "gain", _ITERATIONS, None)
+ENDINGS = {"gain 1e-3": _BY_GAIN, "distance 1e-3": Stopping(1e-3, "distance", _ITERATIONS, None)}
 
 
 @dataclass(frozen=True)
@@ -175,26 +179,32 @@ def energy(plan: Plan) -> Iterator[list[Record]]:
     for size in plan.edges_up_to(_SIZES, _SIZES[-1]):
         if size < 2 * step:
             yield [
-                skip("energy", "terrain", TIME, TIME_UNIT, size, plan.precision, "the image is smaller than a block")
+                skip("energy", name, TIME, TIME_UNIT, size, plan.precision, "the image is smaller than a block")
+                for name in ENDINGS
             ]
             continue
         ground = Terrain.photographed(0.01).repeated(size // step * step)
         prior = prior_of_blocks(ground.depth, np.ones(ground.depth.shape, bool), step, tolerance=_PRIOR_NOISE)
-        found: list[Minimum] = []
+        found: dict[str, Minimum] = {}
 
-        def solve(ground: Terrain = ground, prior: Prior = prior, found: list[Minimum] = found) -> None:
-            found[:] = [_least(plan, ground.image, ground.camera, _LIGHT, None, prior)]
+        def solve(name: str, ground: Terrain = ground, prior: Prior = prior, found: dict[str, Minimum] = found) -> None:
+            found[name] = _least(plan, ground.image, ground.camera, _LIGHT, None, prior, ENDINGS[name])
 
-        solve()
-        timing = timed(plan, {ENERGY: solve}, repeats=min(3, plan.repeats))[ENERGY]
-        height, count = ground.heights(_depth(found[0])), len(found[0].changes)
-        common = {"experiment": "energy", "workload": "terrain", "size": size}
-        yield [
-            time_record(timing, images=1, precision=plan.precision, iteration=count, **common),
-            _record(plan, "energy", "terrain", size, COUNT, COUNT_UNIT, count),
-            _record(plan, "energy", "terrain", size, ERROR, ERROR_UNIT, ground.error(height)),
-            _record(plan, "energy", "terrain", size, ANGLE, ANGLE_UNIT, ground.angle(height)),
-        ]
+        for name in ENDINGS:
+            solve(name)
+        timings = timed(plan, {name: partial(solve, name) for name in ENDINGS}, repeats=min(3, plan.repeats))
+        for name, least in found.items():
+            height, count = ground.heights(_depth(least)), len(least.changes)
+            common = {"experiment": "energy", "workload": name, "size": size}
+            yield [
+                time_record(timings[name], images=1, precision=plan.precision, iteration=count, **common),
+                _record(plan, "energy", name, size, COUNT, COUNT_UNIT, count),
+                skip("energy", name, DISTANCE, DISTANCE_UNIT, size, plan.precision, "not known")
+                if math.isnan(least.distance)
+                else _record(plan, "energy", name, size, DISTANCE, DISTANCE_UNIT, least.distance),
+                _record(plan, "energy", name, size, ERROR, ERROR_UNIT, ground.error(height)),
+                _record(plan, "energy", name, size, ANGLE, ANGLE_UNIT, ground.angle(height)),
+            ]
 
 
 def _with_prior(plan: Plan, name: str, scene: Scene) -> list[Record]:
@@ -265,7 +275,15 @@ def prior_of_blocks(
     return Prior(np.where(there, np.log(smooth), np.nan), np.where(there, apart / smooth, np.nan), float(step))
 
 
-def _least(plan: Plan, image: Array, camera: ps.Camera, light: Light, mask: Mask | None, prior: Prior) -> Minimum:
+def _least(
+    plan: Plan,
+    image: Array,
+    camera: ps.Camera,
+    light: Light,
+    mask: Mask | None,
+    prior: Prior,
+    stopping: Stopping = _BY_GAIN,
+) -> Minimum:
     """The least energy."""
     sought = Sought(
         image=image,
@@ -276,7 +294,6 @@ def _least(plan: Plan, image: Array, camera: ps.Camera, light: Light, mask: Mask
         known=np.full(image.shape, np.nan),
         prior=prior,
     )
-    stopping = Stopping(1e-5, by_distance=True, max_iterations=_ITERATIONS, callback=None)
     return regularised(plan.device, sought, stopping, precision=plan.precision)
 
 

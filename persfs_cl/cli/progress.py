@@ -27,8 +27,8 @@ def remaining_iterations(
     tolerance : float
         At which the run ends.
     max_iterations : int
-    stopping : {"distance", "change"}
-        Whether it is for the distance from the limit or for the change of an iteration.
+    stopping : {"distance", "change", "gain"}
+        Whether it is for the distance from the limit or for the change of an iteration; with "gain" nobody can tell.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def remaining_iterations(
     done = len(changes)
     left = max_iterations - done
     middle = (done - 1) // 2
-    if done < 2 or tolerance <= 0 or min(changes[middle], changes[-1]) <= 0:
+    if stopping == "gain" or done < 2 or tolerance <= 0 or min(changes[middle], changes[-1]) <= 0:
         return left
     decay = math.log(changes[middle] / changes[-1]) / (done - 1 - middle)
     if decay <= 0:
@@ -75,12 +75,13 @@ def progress_line(
                 return
             rest = remaining_iterations(changes, tolerance, max_iterations, stopping)
             seconds = rest * (time.perf_counter() - began) / (iteration - 1)
+            told = stopping != "gain"
             line.update(
                 task,
                 description=f"iteration {iteration}, change {change:.1e}",
                 completed=iteration,
-                total=iteration + rest,
-                left=f"about {timedelta(seconds=min(math.ceil(seconds), 10**9))} left",
+                total=iteration + rest if told else None,
+                left=f"about {timedelta(seconds=min(math.ceil(seconds), 10**9))} left" if told else "",
             )
 
         yield show

@@ -52,7 +52,7 @@ from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Options
+from persfs_cl.solver.options import Options, ending
 from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.writing import load_libraries
@@ -148,7 +148,8 @@ def reconstruct(
     )
     check_folder(output, overwrite=overwrite)
     keep_freed_memory()
-    line = progress_line(keywords["tolerance"], keywords["max_iterations"], keywords["stopping"])
+    stopping, tolerance = ending(keywords["scheme"], keywords["stopping"], keywords["tolerance"])
+    line = progress_line(tolerance, keywords["max_iterations"], stopping)
     with stop_on_interrupt() as interrupted, line as show:
 
         def after_iteration(iteration: int, change: float) -> bool:

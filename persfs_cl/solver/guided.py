@@ -19,7 +19,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.smoothing import Smoother
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.guide.few import kriged
-from persfs_cl.guide.fit import Fitted, GuideFit
+from persfs_cl.guide.fit import GuideFit
 from persfs_cl.guide.guide import Guide
 from persfs_cl.guide.smoothing import edge_weights
 from persfs_cl.solver.agreed import Agreed, about
@@ -76,7 +76,7 @@ def solve_guided(
                 states[place] = _Guided.of(device, found[place], attempt.problem.guide, options)
             found[place] = replace(found[place], seconds=attempt.seconds + time.perf_counter() - began)
     # All are under one light.
-    for number in range(max((state.fitted.rounds for state in states.values()), default=0)):
+    for number in range(max((state.agreed.fitted.rounds for state in states.values()), default=0)):
         if watch and watch.stopped:
             # What was not in the round that was stopped keeps the surface that it has.
             for place in states:
@@ -103,51 +103,41 @@ class _Guided:
 
     Attributes
     ----------
-    problem : Problem
-        Under the light that the guide has told.
-    fitted : Fitted
-    gain : float or None
-        Where it was unknown.
-    log_depth : ndarray of float64, shape (height, width)
-        The surface so far.
+    agreed : Agreed
+        The guide, and the surface so far.
+    smoother : Smoother
     middle : ndarray of float64, shape (height, width)
         What surface and guide say together.
     used : int
-        Cells that counted.
+        Cells that counted in the last round.
     tolerance : float
-    smoother : Smoother
+        Of the last round.
     """
 
-    problem: Problem
-    fitted: Fitted
-    gain: float | None
-    log_depth: Array
-    middle: Array
-    used: int
-    tolerance: float
+    agreed: Agreed
     smoother: Smoother
+    middle: Array
+    used: int = 0
+    tolerance: float = 0.0
 
     @classmethod
     def of(cls, device: Device, alone: Attempt, guide: Guide, options: Options) -> _Guided:
         """From the surface of the photograph alone."""
         agreed = Agreed.on(alone.problem, guide, _surface_of(alone)[0], options)
-        problem, fitted, log_depth = agreed.problem, agreed.fitted, agreed.log_depth
-        right, below = (
-            _SMOOTHNESS / fitted.cells.spacing * each for each in edge_weights(problem.image, _joined(problem))
-        )
-        levels = max(0, math.floor(math.log2(fitted.cells.spacing / _SPACING)))
-        smoother = Smoother(device, options["precision"], right, below, levels)
-        return cls(problem, fitted, agreed.gain, log_depth, log_depth, 0, 0.0, smoother)
+        problem, spacing = agreed.problem, agreed.fitted.cells.spacing
+        right, below = (_SMOOTHNESS / spacing * each for each in edge_weights(problem.image, _joined(problem)))
+        levels = max(0, math.floor(math.log2(spacing / _SPACING)))
+        return cls(agreed, Smoother(device, options["precision"], right, below, levels), agreed.log_depth)
 
     def bounded(self, number: int) -> Problem:
         """The problem of a round, from 0: between the bounds that surface and guide set together."""
-        problem, cells = self.problem, self.fitted.cells
-        residuals = self.fitted.residuals(self.log_depth)
+        problem, fitted, log_depth = self.agreed.problem, self.agreed.fitted, self.agreed.log_depth
+        cells, residuals = fitted.cells, fitted.residuals(log_depth)
         known = ~np.isnan(residuals)
-        self.used, self.tolerance = int(np.count_nonzero(known)), self.fitted.tolerance(number)
+        self.used, self.tolerance = int(np.count_nonzero(known)), fitted.tolerance(number)
         start, distance = cells.nearest(residuals)
-        if self.fitted.few:
-            smooth = kriged(residuals, cells, self.fitted.noise, doubted=not self.fitted.told)
+        if fitted.few:
+            smooth = kriged(residuals, cells, fitted.noise, doubted=not fitted.told)
         else:
             if cells.count < _MANY:
                 start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
@@ -156,21 +146,21 @@ class _Guided:
                 start,
                 cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
                 np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
-                self.fitted.noise,
+                fitted.noise,
             )
-        self.middle = self.log_depth + smooth
+        self.middle = log_depth + smooth
         # What no cell reaches is left to the photograph.
         self.middle[distance > cells.reach] = np.nan
-        near, far = (problem.window.spread(bound, np.nan) for bound in self.fitted.around(self.middle, number))
+        near, far = (problem.window.spread(bound, np.nan) for bound in fitted.around(self.middle, number))
         given = problem.given_range or DepthRange.none(problem.window.image_shape)
         fixed = problem.window.spread(problem.domain.known, False)
         return problem.between(given.within(near, far).but(fixed))
 
     def fit_to(self, latest: Attempt) -> GuideFit:
         """What became of the guide, once the surface was solved again."""
-        self.log_depth, _ = _surface_of(latest)
-        departure = self.problem.window.spread(self.middle - self.log_depth, np.nan)
-        return self.fitted.outcome(self.used, self.tolerance, self.gain, departure)
+        self.agreed = agreed = replace(self.agreed, log_depth=_surface_of(latest)[0])
+        departure = agreed.problem.window.spread(self.middle - agreed.log_depth, np.nan)
+        return agreed.fitted.outcome(self.used, self.tolerance, agreed.gain, departure)
 
 
 def _joined(problem: Problem) -> Mask:

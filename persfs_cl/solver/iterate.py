@@ -15,7 +15,7 @@ from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
 from persfs_cl.solver.distance import distance_to_limit
-from persfs_cl.solver.options import Callback, Options
+from persfs_cl.solver.options import Callback, Options, tolerance_of
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
 
@@ -192,7 +192,7 @@ class _Stop:
     """
 
     def __init__(self, options: Options) -> None:
-        self.tolerance = options["tolerance"]
+        self.tolerance = tolerance_of(options)
         self._by_distance = options["stopping"] == "distance"
         self.rounding = float(np.finfo(options["precision"]).eps)
 

@@ -7,7 +7,7 @@ that is described by words.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypedDict, TypeVar, cast, get_args, get_origin, get_type_hints
 
@@ -22,6 +22,7 @@ from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
+from persfs_cl.solver.energy.minimise import GAIN
 from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
 from persfs_cl.wording import keyword
 
@@ -29,6 +30,8 @@ Callback = Callable[[int, float], bool | None]
 
 _STEEPEST = 1e6
 _MOST_ITERATIONS = 10**9
+_TOLERANCES: Mapping[Stopping, float] = {"distance": 1e-5, "change": 1e-5, "gain": GAIN}
+"""When none is given, by what it bounds."""
 _PAINTS = ("plain", "painted")
 _MOST_PAINT = 10.0
 _MOST_SMOOTHING = 1e4
@@ -85,8 +88,8 @@ def _count(name: str, value: Any) -> int:
     return as_whole_number(name, value, least=1, most=_MOST_ITERATIONS)
 
 
-def _tolerance(name: str, value: Any) -> float:
-    return as_number(name, value, least=0.0)
+def _tolerance(name: str, value: Any) -> float | None:
+    return None if value is None else as_number(name, value, least=0.0)
 
 
 def _slope(name: str, value: Any) -> float | None:
@@ -247,15 +250,22 @@ class Options(TypedDict, total=False):
     ]
     max_iterations: Annotated[int, Option(2000, _count, "Of four sweeps each.")]
     tolerance: Annotated[
-        float, Option(1e-5, _tolerance, "Ends when ln depth is estimated to be no farther than this from its limit.")
+        float | None,
+        Option(
+            None,
+            _tolerance,
+            "Ends when ln depth is estimated to be no farther than this from its limit; 1e-5 by default, for "
+            "regularised see --stopping.",
+        ),
     ]
     stopping: Annotated[
         Stopping,
         Option(
-            "distance",
+            "auto",
             _IS_STOPPING,
             "What the tolerance bounds: the estimated distance from the limit, or, as in the paper, only the change of "
-            "an iteration.",
+            "an iteration, or, for regularised, the share of its energy that five iterations gain. auto: the distance, "
+            "but for regularised without a tolerance a gain of 1e-3.",
             choices=_STOPPINGS,
         ),
     ]
@@ -363,10 +373,32 @@ def complete(given: Options) -> Options:
             f"with {keyword('scheme', scheme.name)}: only the upwind scheme has a correction to second order. Use "
             f"{keyword('scheme', 'upwind')}, or {keyword('accuracy_order', 1)}.",
         )
+    if options["stopping"] == "gain" and not scheme.by_energy:
+        raise InputError.about(
+            "stopping",
+            options["stopping"],
+            f"with {keyword('scheme', scheme.name)}: only the regularised scheme has an energy to gain. Use "
+            f"{keyword('stopping', 'distance')}, or {keyword('scheme', 'regularised')}.",
+        )
     slope = options["max_slope"]
     options["scheme"], options["boundary"] = scheme.name, boundary
+    options["stopping"], options["tolerance"] = ending(scheme.name, options["stopping"], options["tolerance"])
     options["max_slope"] = scheme.max_slope(light) if slope is None else slope
     return options
+
+
+def ending(scheme: str, stopping: Stopping, tolerance: float | None) -> tuple[Stopping, float]:
+    """What the tolerance bounds, and the tolerance, "auto" and None replaced."""
+    if stopping == AUTO:
+        stopping = SCHEMES[scheme].stopping if tolerance is None and scheme in SCHEMES else "distance"
+    return stopping, _TOLERANCES[stopping] if tolerance is None else tolerance
+
+
+def tolerance_of(options: Options) -> float:
+    """The tolerance of complete keywords, see :func:`complete`."""
+    tolerance = options["tolerance"]
+    assert tolerance is not None  # noqa: S101 - for the type checker
+    return tolerance
 
 
 def require_guide(options: Options, *, guided: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,7 +21,7 @@ from persfs_cl.framing.maps import straighten
 from persfs_cl.guide.guide import Points
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
-from persfs_cl.solver.options import Options, complete, require_guide, with_options
+from persfs_cl.solver.options import Options, complete, require_guide, tolerance_of, with_options
 from persfs_cl.solver.pieces import pieces, solve_in_pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status, Taken
@@ -137,16 +138,17 @@ def reconstruct(
     max_iterations : int
         Iterations of four sweeps at most; with an off-axis lamp that takes rounds, in each of them. For "regularised"
         steps of its descent, on all grids together; the sweeps that it may begin with are not counted.
-    tolerance : float
+    tolerance : float, optional
         The run has converged when Z is at most this from its limit, as far as the rate tells at which its changes
         shrink, see :attr:`Solution.distance`; or when nothing changes any more, or only rounding does. Z = ln z, so
-        1e-5 is 0.001 % of the depth. It bounds what further iterations would change, not the error of the scheme. 0
-        iterates until nothing changes, down to the last bit.
-    stopping : {"distance", "change"}
-        What the tolerance bounds: that distance or, as in the paper, max |ΔZ| over an iteration, which may be hundreds
-        of times less. For "regularised" both are of its descent on the finest grid. With "distance" this also ends
-        when five iterations lower the energy by less than 100 `tolerance` of it, 1e-3 at most: a few pixels may then
-        have far to go, most of them in shadow, and :attr:`Solution.distance` says how far.
+        1e-5, the default, is 0.001 % of the depth. It bounds what further iterations would change, not the error of the
+        scheme. 0 iterates until nothing changes, down to the last bit.
+    stopping : {"auto", "distance", "change", "gain"}
+        What the tolerance bounds. "distance": that distance. "change": as in the paper, max |ΔZ| over an iteration,
+        which may be hundreds of times less. "gain", for "regularised" only: the share of its energy by which five
+        iterations lower it, 1e-3 when no tolerance is given. Then some pixels may still have far to go, most of them in
+        shadow; :attr:`Solution.distance` says how far. "auto" is "gain" for "regularised" without a tolerance, and else
+        "distance". For "regularised" all three are of its descent on the finest grid.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
@@ -319,7 +321,7 @@ def reconstruct_batch(
     finished = [solutions[number] for number in range(count)]
     if settings["throw"]:
         for number, solution in enumerate(finished):
-            _require_convergence(solution, f"images[{number}]: " if count > 1 else "", settings["tolerance"])
+            _require_convergence(solution, f"images[{number}]: " if count > 1 else "", settings)
     return finished
 
 
@@ -352,9 +354,10 @@ def _entries(name: str, given: Any) -> list[Any]:
         raise InputError.about(name, given, "is no list: give one entry an image.") from error
 
 
-def _require_convergence(solution: Solution, which: str, tolerance: float) -> None:
+def _require_convergence(solution: Solution, which: str, options: Options) -> None:
     if solution.status is not Status.CONVERGED:
         change, distance = solution.changes[-1], solution.distance
+        tolerance = math.inf if options["stopping"] == "gain" else tolerance_of(options)
         # Neither where a round of the lamp, or of the second order, was still to come.
         if change > tolerance:
             still = f": max |ΔZ| is still {change:.3g}, above the tolerance {tolerance:g}"

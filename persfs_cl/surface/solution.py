@@ -47,8 +47,9 @@ class Solution(Outcome):
     distance : float
         Estimate of max |Z - limit|, the limit being where the iteration leads: from the rate at which the changes
         shrink, within a factor of 2 where they do so steadily, and above what rounding leaves. NaN where the changes do
-        not shrink, and after the rounds of an off-axis lamp. For "regularised" it may be above the tolerance though
-        the run has converged, see `stopping` of :func:`persfs_cl.reconstruct`; it tells nothing of other minima.
+        not shrink, and after the rounds of an off-axis lamp. For "regularised" it is mostly too large, up to a hundred
+        times, since patches come to rest one after the other; and it does not foresee a patch that leaves for another
+        minimum.
     elapsed : Elapsed
     parameters : mapping
         The remaining keywords, with "auto" resolved.

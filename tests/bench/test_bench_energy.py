@@ -64,7 +64,8 @@ def test_paint_is_found(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> N
 def test_its_time_is_measured(device: ps.Device) -> None:
     records = [record for group in bench.energy(Plan(device, sizes=(24, 64), repeats=1)) for record in group]
     text = contents(environment(device, ""), records)["energy"]
-    assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == ["24²", "64²"]
+    cells = [[cell.strip() for cell in line.split("|")[1:3]] for line in text.splitlines()[2:]]
+    assert cells == [[size, ending] for size in ("24²", "64²") for ending in bench.ENDINGS]
 
 
 def test_a_prior_of_blocks_has_their_means_and_knows_its_error() -> None:

@@ -51,7 +51,9 @@ def test_what_guides_are_worth_is_told_in_two_tables(device: ps.Device, monkeypa
         assert median is not None
         return median
 
-    first, third = (f"bunny: {name}" for name in (kept[0], kept[2]))
+    first, points, third, network = (f"bunny: {name}" for name in kept)
+    assert max(value(first, RATIO), value(points, RATIO)) <= 1.05
+    assert value(network, GUIDED) <= max(value(network, ALONE), value(network, GUIDE))
     assert value(first, GUIDED) < 0.7 * min(value(first, ALONE), value(first, GUIDE))
     assert value(third, GUIDED) < 0.1 * value(third, ALONE)
     assert value(first, "guided, normals") < value(first, "guide, normals")

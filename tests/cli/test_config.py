@@ -102,7 +102,7 @@ def test_a_later_file_wins_name_by_name(tmp_path: Path) -> None:
     values = tomlkit.parse(printed("--config", first, "--config", second)).unwrap()
     assert values == {"fov": 40.0, "tolerance": 1.0, "light": "flash", "falloff": False}
     values = tomlkit.parse(printed("--config", second, "--config", first, "--tolerance=1e-05", "--falloff")).unwrap()
-    assert values == {"focal-length": 590, "light": "flash", "falloff": True}
+    assert values == {"focal-length": 590, "tolerance": 1e-5, "light": "flash", "falloff": True}
     # Both say what the camera sees: the command line leaves no room for the file.
     values = tomlkit.parse(printed("--config", first, "--fov=50")).unwrap()
     assert values == {"fov": 50.0, "tolerance": 1e-3, "light": "flash"}
@@ -197,13 +197,13 @@ def test_an_option_that_does_not_fit_is_traced_to_its_file(
 
 
 def test_the_file_that_is_printed_is_a_template() -> None:
-    text = printed("--fov=30", "--tolerance=1e-5", "--light=flash", "--device=0")
+    text = printed("--fov=30", "--max-iterations=2000", "--light=flash", "--device=0")
     values = tomlkit.parse(text).unwrap()
     assert values == {"fov": 30.0, "light": "flash", "device": 0}
     lines = text.splitlines()
     assert "# Horizontal field of view, instead of the focal length." in lines[lines.index("fov = 30.0") - 1]
     assert "# Camera" in lines[: lines.index("fov = 30.0")]
-    assert {"#tolerance = 1e-05", '#scheme = "auto"', '#walls = "FILE"', "#overwrite = false"} <= {*lines}
+    assert {"#max-iterations = 2000", '#scheme = "auto"', '#walls = "FILE"', "#overwrite = false"} <= {*lines}
     assert max(map(len, lines)) <= 120
 
     # Every option is there once, and is known by its name there.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -118,6 +119,21 @@ def test_whatever_its_numbers_are(given: Array, keywords: dict[str, Any]) -> Non
     depths = 1.0 / known if keywords.get("guide_kind") == "inverse" else known
     expected = np.kron(GUIDE, np.ones((12, 12))) if given.shape != GUIDE.shape else GUIDE
     np.testing.assert_allclose(depths, expected, rtol=0.05)
+
+
+@pytest.mark.parametrize("make", [ps.bump, ps.bumps, ps.hillside])
+def test_a_noisy_guide_is_no_worse_than_the_better_of_both(make: Callable[..., ps.Scene]) -> None:
+    flash, size, cell = ps.FlashLight(), 90, 9
+    scene = make((size, size), light=flash, bits=8, noise=0.01)
+    blocks = scene.depth.reshape(size // cell, cell, size // cell, cell).mean(axis=(1, 3))
+    guide = blocks + np.random.default_rng(0).normal(0.0, 0.02 * np.ptp(scene.depth), blocks.shape)
+    cells = Cells.of_map(np.log(guide), np.ones((size, size), bool))
+    found = [
+        np.exp(cells.interpolated(cells.values)),
+        *(ps.reconstruct(scene.image, scene.camera, light=flash, guide=given).depth for given in (None, guide)),
+    ]
+    of_guide, alone, guided = (ps.compare(depth, scene.depth).mean for depth in found)
+    assert guided <= 1.05 * min(of_guide, alone)
 
 
 @pytest.mark.parametrize("kind", ["depth", "inverse"])

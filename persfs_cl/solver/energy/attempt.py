@@ -21,7 +21,7 @@ from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.swept import swept
 from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
-from persfs_cl.solver.options import Options
+from persfs_cl.solver.options import Options, tolerance_of
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
 
@@ -66,10 +66,12 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         problem, fitted, gain, start = agreed.problem, agreed.fitted, agreed.gain, agreed.log_depth
     elif guide is not None:
         fitted = Fitted.as_given(guide, mean_focal_length(problem.camera), options["guide_tolerance"])
-    prior = None if fitted is None else prior_of(fitted)
+    # Between points of a plain surface such a light tells more than they do.
+    between = not (light.determines_depth and options["paint"] == "plain" and not problem.fits_albedo)
+    prior = None if fitted is None else prior_of(fitted, between=between)
     stopping = Stopping(
-        tolerance=options["tolerance"],
-        by_distance=options["stopping"] == "distance",
+        tolerance=tolerance_of(options),
+        bounds=options["stopping"],
         max_iterations=options["max_iterations"],
         callback=stop_at_once if stopped else watch,
     )
@@ -88,7 +90,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         cells = fitted.cells
         noise = noise_of(cells.values - cells.of_surface(trial.log_depth + trial.level), cells)
         fitted = replace(fitted, noise=noise)
-        prior = prior_of(fitted)
+        prior = prior_of(fitted, between=between)
         if watch:
             watch.before = len(trial.changes)
     sought = Sought.of(problem, prior)
@@ -121,13 +123,22 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     return Attempt(problem, run, surface, None, time.perf_counter() - began, told)
 
 
-def prior_of(fitted: Fitted) -> Prior:
-    """What cells of ln depth say of each pixel: between their middles, the less surely the steeper it is there."""
+def prior_of(fitted: Fitted, *, between: bool) -> Prior:
+    """What cells of ln depth say of each pixel: between their middles, the less surely the steeper it is there.
+
+    Parameters
+    ----------
+    fitted : Fitted
+    between : bool
+        Whether points say something of what lies between them. A point that does not is a measurement of one pixel.
+    """
     cells = fitted.cells
     middle = cells.interpolated(cells.values)
     relief = float(np.ptp(cells.values[~np.isnan(cells.values)]))
     # Beyond it the energy is of the guide alone, whose bends no shading softens.
     noise = max(math.hypot(fitted.noise, fitted.distortion), _LEAST_OF_RELIEF * relief, _LEAST)
+    if cells.are_points and not between:
+        return Prior(middle, np.where(cells.of_pixel >= 0, noise, np.inf))
     tolerance = np.sqrt(noise**2 + (slope_of(middle) * cells.spacing) ** 2 / 12.0)
     if cells.are_points:
         # Nothing is known of what lies between them but how they differ from each other.

@@ -21,9 +21,9 @@ class Reached:
     Attributes
     ----------
     length : float
-        How far along.
+        How far along; 0 where no trial is lower. Then the surface is as it was, but for the descent's terms.
     change : float
-        Largest of Z.
+        Largest of Z; where no trial is lower, that of the first.
     sums : Sums
         There; the descent's terms are those of this place.
     """
@@ -33,7 +33,7 @@ class Reached:
     sums: Sums
 
 
-def search(descent: Descent, here: Sums, slope: float, white: float, length: float) -> Reached | None:
+def search(descent: Descent, here: Sums, slope: float, white: float, length: float) -> Reached:
     """Go in the direction that was chosen, to about the least energy.
 
     Through the energy and its slope here and the energy of a trial goes a parabola; its lowest point is the next trial,
@@ -53,12 +53,13 @@ def search(descent: Descent, here: Sums, slope: float, white: float, length: flo
 
     Returns
     -------
-    Reached or None
-        None where no trial is lower: then the surface is as it was, but for the descent's terms.
+    Reached
     """
     best: Reached | None = None
-    for _ in range(_TRIALS):
+    first = 0.0
+    for trial in range(_TRIALS):
         change = descent.move(length)
+        first = first if trial else change
         found = Reached(length, change, descent.linearise(white))
         if best is not None and not found.sums.energy <= best.sums.energy:
             descent.go_back()
@@ -74,6 +75,6 @@ def search(descent: Descent, here: Sums, slope: float, white: float, length: flo
             length = min(max(lowest, _SHORTEST * length), _SHORTER * length)
         descent.go_back()
     if best is None:
-        return None
+        return Reached(0.0, first, here)
     change = descent.move(best.length)
     return Reached(best.length, change, descent.linearise(white))

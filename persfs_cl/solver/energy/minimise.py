@@ -13,6 +13,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.energy import Descent, Terms
 from persfs_cl.arrays import Array
 from persfs_cl.choices import Precision
+from persfs_cl.choices import Stopping as BoundBy
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.distance import distance_to_limit
@@ -32,12 +33,12 @@ _STEPS, _REDUCTION = 5, 0.3
 """Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. More
 cost more than they gain: the directions made of them go on where they end, and the energy is not quadratic."""
 
-_SPAN, _WORTH, _MOST_WORTH = 5, 100.0, 1e-3
-"""Over so many iterations the energy must fall by this multiple of the tolerance, as a share of it, to be worth more of
-them; and never by more than the last. Where each pixel brings about 1 to the energy, 1e-3 of it is what 5 % of the
-standard deviation of its depth makes."""
-_FEW = 2
-"""Changes before the last one that count with it."""
+GAIN, _SPAN = 1e-3, 5
+"""Share of the energy that it may fall by over so many iterations at the end; while it falls by more no distance is
+believed. Where each pixel brings about 1 to the energy, 1e-3 of it is what 5 % of the standard deviation of its depth
+makes."""
+_FEW = 5
+"""Changes, and estimates of the distance, before the last one that count with it."""
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e4
 _SHORT, _LONGEST = 0.3, 4.0
@@ -51,16 +52,16 @@ class Stopping:
     Attributes
     ----------
     tolerance : float
-        Of Z.
-    by_distance : bool
-        Whether it bounds the estimated distance to the minimum, or the change of an iteration alone.
+    bounds : {"distance", "change", "gain"}
+        What that bounds: of Z the estimated distance to the minimum, or the change of an iteration alone; or the share
+        of the energy that it falls by over the last iterations.
     max_iterations : int
     callback : callable or None
         Called with the number of the iteration and its change; returns True to stop.
     """
 
     tolerance: float
-    by_distance: bool
+    bounds: BoundBy
     max_iterations: int
     callback: Callable[[int, float], bool | None] | None
 
@@ -79,7 +80,7 @@ class Minimum:
         On the finest grid, at first and after each iteration; they never rise.
     status : Status
     distance : float
-        Estimate of max |Z - minimum|; NaN where that cannot be told.
+        Estimate of max |Z - minimum|; NaN where that cannot be told. Where nothing lower was found, of the last step.
     level : float
         What ln z has more than Z.
     white : float
@@ -214,14 +215,15 @@ def _descend(
     changes: list[float] = []
     whole: list[float] = []
     damping, length, afresh = _FIRST_DAMPING, 1.0, True
-    status, worth = Status.MAX_ITERATIONS, min(_WORTH * stopping.tolerance, _MOST_WORTH)
+    status, left = Status.MAX_ITERATIONS, math.nan
     while len(found.changes) < stopping.max_iterations and math.isfinite(here.energy):
         descent.assemble(damping)
         descent.solve(_STEPS, _REDUCTION)
         reached = search(descent, here, descent.turn(afresh=afresh), found.white, length)
-        if reached is None:
+        if reached.length == 0.0:
             descent.linearise(found.white)
             if afresh:
+                left = reached.change if math.isnan(left) else left
                 damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
             afresh, length = True, 1.0
             if damping > _MOST_DAMPING:
@@ -229,10 +231,14 @@ def _descend(
                 status = Status.CONVERGED
                 break
             continue
-        there = reached.sums
+        there, left = reached.sums, math.nan
         if free:
-            found.white = there.white
-            there = descent.linearise(found.white)
+            relit = descent.linearise(there.white)
+            if relit.energy <= there.energy:
+                found.white, there = there.white, relit
+            else:
+                # By rounding.
+                descent.linearise(found.white)
         # A direction that leads nowhere says nothing of the next.
         afresh = reached.length < _SHORT
         length = min(max(reached.length, _SHORT), _LONGEST)
@@ -249,20 +255,31 @@ def _descend(
             if len(changes) == _COARSE_ITERATIONS or gained <= _COARSE_GAIN * here.energy:
                 break
             continue
-        distance = estimated_distance(whole, rounding) if stopping.by_distance else reached.change
-        if reached.change == 0.0 or distance <= stopping.tolerance:
-            status = Status.CONVERGED
-            break
-        if stopping.by_distance and len(energies) > _SPAN and energies[-1 - _SPAN] - here.energy <= worth * here.energy:
+        if reached.change == 0.0 or _is_met(stopping, reached.change, energies, whole, rounding):
             status = Status.CONVERGED
             break
     if finest or status is Status.STOPPED:
         found.status, found.energies = status, energies
-        nothing_lower = 0.0 if status is Status.CONVERGED else math.nan
-        found.distance = estimated_distance(whole, rounding) if changes else nothing_lower
+        found.distance = estimated_distance(whole, rounding) if math.isnan(left) else left
+
+
+def _is_met(
+    stopping: Stopping, change: float, energies: Sequence[float], whole: Sequence[float], rounding: float
+) -> bool:
+    """Whether the tolerance is."""
+    if stopping.bounds == "change":
+        return change <= stopping.tolerance
+    gained = energies[-1 - _SPAN] - energies[-1] if len(energies) > _SPAN else math.inf
+    if stopping.bounds == "gain":
+        return gained <= stopping.tolerance * energies[-1]
+    return gained <= GAIN * energies[-1] and estimated_distance(whole, rounding) <= stopping.tolerance
 
 
 def estimated_distance(changes: Sequence[float], rounding: float) -> float:
-    """As :func:`distance_to_limit`, of changes that shrink unevenly: each counts as the largest of the last few."""
+    """As :func:`distance_to_limit`, of changes that shrink unevenly.
+
+    Each counts as the largest of the last few, and the estimate is the largest of the last few; NaN where one is.
+    """
     few = [max(changes[max(0, place - _FEW) : place + 1]) for place in range(len(changes))]
-    return distance_to_limit(few, rounding)
+    latest = range(max(2, len(few) - _FEW + 1), len(few) + 1)
+    return float(np.max([distance_to_limit(few[:count], rounding) for count in latest] or [math.nan]))

@@ -19,7 +19,7 @@ class Prior:
     log_depth : ndarray of float64, shape (height, width)
         Z = ln z, NaN where nothing is known.
     tolerance : ndarray of float64, shape (height, width)
-        Of Z, above 0; NaN where nothing is known.
+        Of Z, above 0; infinite where a value is no more than a guess, NaN where nothing is known.
     spacing : float
         Of the numbers that it was made of, in pixels. So far apart errors have nothing to do with each other.
     """

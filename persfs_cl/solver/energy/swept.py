@@ -37,6 +37,6 @@ def swept(device: Device, problem: Problem, options: Options, callback: Callback
         max_slope=scheme.max_slope(light),
     )
     swept_problem = Problem.of(given)
-    settings = Options(**{**options, "tolerance": max(_TOLERANCE, options["tolerance"]), "boundary": "wall"})
+    settings = Options(**{**options, "tolerance": _TOLERANCE, "stopping": "distance", "boundary": "wall"})
     run = Iteration.of(device, [swept_problem], settings, callback)
     return run.surfaces([swept_problem])[0][0]

@@ -70,7 +70,9 @@ def _confidence(target: Path, source: Source) -> None:
 
 def _convergence(target: Path, source: Source) -> None:
     solution = source.solution
-    plots.convergence_picture(target, solution.changes, solution.parameters["tolerance"], distance=solution.distance)
+    # A share of the energy is no change of ln z, and 0 draws no line.
+    tolerance = 0.0 if solution.parameters["stopping"] == "gain" else solution.parameters["tolerance"]
+    plots.convergence_picture(target, solution.changes, tolerance, distance=solution.distance)
 
 
 def _guide(target: Path, source: Source) -> None:

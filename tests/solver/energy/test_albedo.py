@@ -49,7 +49,7 @@ def test_painted_scenes_with_a_coarse_prior(device: ps.Device, make: type, kind:
         known=np.full(there.shape, np.nan),
         prior=prior,
     )
-    stopping = Stopping(1e-5, by_distance=True, max_iterations=60, callback=None)
+    stopping = Stopping(1e-5, "distance", max_iterations=60, callback=None)
     without = regularised(device, sought, stopping)
     found, albedo = fit_albedo(device, sought, stopping)
     errors = [

@@ -72,6 +72,42 @@ def test_noise_is_told_from_relief() -> None:
     assert noises[1] == pytest.approx(noises[0], rel=0.02)
 
 
+SCENES = {"bump": ps.bump, "bumps": ps.bumps, "hill": ps.hillside}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_exact_points_do_no_harm_and_many_help_much(name: str) -> None:
+    """Interpolated, they would pull all that lies between them away from where the photograph rightly has it."""
+    flash = ps.FlashLight()
+    scene = SCENES[name]((SIZE, SIZE), light=flash, noise=0.01)
+    options: dict[str, Any] = {"light": flash, "scheme": "regularised"}
+    alone, _ = errors(ps.reconstruct(scene.image, scene.camera, **options).depth, scene)
+    for count, most in ((20, 1.05), (100, 0.9), (1000, 0.6)):
+        rows, columns = np.divmod(np.random.default_rng(count).choice(SIZE**2, count, replace=False), SIZE)
+        depths = scene.depth[rows, columns]
+        known = np.full(scene.depth.shape, np.nan)
+        known[rows, columns] = depths
+        for given in ({"guide": ps.Points(columns, rows, depths)}, {"known_depth": known}):
+            found = ps.reconstruct(scene.image, scene.camera, **options, **given)
+            assert errors(found.depth, scene)[0] <= most * alone, (count, *given)
+
+
+def test_noisy_points_are_smoothed() -> None:
+    flash = ps.FlashLight()
+    scene = ps.hillside((SIZE, SIZE), light=flash, noise=0.01)
+    rng = np.random.default_rng(0)
+    rows, columns = np.divmod(rng.choice(SIZE**2, 300, replace=False), SIZE)
+    depths = scene.depth[rows, columns] + rng.normal(0.0, 0.02 * np.ptp(scene.depth), rows.size)
+    options: dict[str, Any] = {"light": flash, "scheme": "regularised"}
+    alone = ps.reconstruct(scene.image, scene.camera, **options)
+    found = ps.reconstruct(scene.image, scene.camera, guide=ps.Points(columns, rows, depths), **options)
+    (depth, angle), (depth_alone, angle_alone) = errors(found.depth, scene), errors(alone.depth, scene)
+    assert depth < 1.3 * depth_alone
+    assert angle < 1.5 * angle_alone
+    assert found.guide is not None
+    assert 0.5 < found.guide.noise / (0.02 * np.ptp(scene.depth) / np.median(scene.depth)) < 1.5
+
+
 def test_a_callback_sees_all_iterations_and_may_end_them() -> None:
     light = ps.ParallelLight(0.5, 0.2)
     scene = ps.bump((SIZE, SIZE), light=light)

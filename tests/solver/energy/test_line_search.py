@@ -32,7 +32,7 @@ class Line:
         return Sums(self.energy(self.place), 0.0)
 
 
-def searched(line: Line, slope: float, length: float = 1.0) -> Reached | None:
+def searched(line: Line, slope: float, length: float = 1.0) -> Reached:
     return search(cast("Any", line), line.linearise(0.0), slope, 0.0, length)
 
 
@@ -40,7 +40,6 @@ def searched(line: Line, slope: float, length: float = 1.0) -> Reached | None:
 def test_a_parabola_is_followed_to_its_least(lowest: float) -> None:
     line = Line(lambda at: (at - lowest) ** 2)
     found = searched(line, 2.0 * lowest)
-    assert found is not None
     assert line.place == found.length == pytest.approx(found.change)
     assert found.sums.energy == line.energy(found.length) < line.energy(0.0)
     near = 1.0 / 1.5 <= lowest <= 1.5
@@ -50,17 +49,16 @@ def test_a_parabola_is_followed_to_its_least(lowest: float) -> None:
 
 def test_a_worse_second_trial_gives_way_to_the_first() -> None:
     line = Line(lambda at: -at if at <= 1.0 else 5.0 * at)
-    found = searched(line, 10.0)
-    assert found is None or found.sums.energy < 0.0
+    assert searched(line, 10.0).sums.energy < 0.0
     line = Line(lambda at: [0.0, -3.0, 7.0][min(2, math.ceil(at))])
     found = searched(line, 3.2)
-    assert found is not None
     assert line.place == found.length == 1.0
 
 
 @pytest.mark.parametrize("energy", [lambda at: at, lambda at: math.nan if at else 0.0], ids=["uphill", "NaN"])
 def test_where_nothing_is_lower_the_surface_stays(energy: Callable[[float], float]) -> None:
     line = Line(energy)
-    assert searched(line, 1.0) is None
+    found = searched(line, 1.0)
+    assert (found.length, found.change, found.sums.energy) == (0.0, 1.0, 0.0)
     assert line.place == 0.0
     assert line.moves <= 6
