@@ -32,6 +32,8 @@ _MOST_ITERATIONS = 10**9
 _PAINTS = ("plain", "painted")
 _MOST_PAINT = 10.0
 _MOST_SMOOTHING = 1e4
+_MOST_RESTING = 0.1 * (1.0 + 1e-12)
+"""Of the tolerance: the changes that blocks let pass add up along the way that a value takes."""
 
 _REGION, _SOLVER, _DEVICE = "Region and known values", "Solver", "Device"
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -259,6 +261,15 @@ class Options(TypedDict, total=False):
             choices=_STOPPINGS,
         ),
     ]
+    resting: Annotated[
+        float,
+        Option(
+            0.0,
+            _tolerance,
+            "For upwind: blocks of pixels rest while ln depth in and around them has changed by no more than this "
+            "since they were swept. 0 changes nothing.",
+        ),
+    ]
     acceleration: Annotated[
         bool,
         Option(
@@ -331,6 +342,28 @@ def complete(given: Options) -> Options:
                 value,
                 f"with {keyword('scheme', scheme.name)}: {scheme.why_without}. Leave {keyword(name)} out.",
             )
+    resting, most_resting = options["resting"], _MOST_RESTING * options["tolerance"]
+    if resting > 0.0 and not scheme.settles:
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('scheme', scheme.name)}: it creeps to its limit by such small changes. Use "
+            f"{keyword('resting', 0)}, or {keyword('scheme', 'upwind')}.",
+        )
+    if resting > 0.0 and options["ordering"] == "lexicographic":
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('ordering', 'lexicographic')}: it computes every pixel in every sweep. Use "
+            f"{keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
+        )
+    if resting > most_resting:
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('tolerance', options['tolerance'])}: blocks would rest too far from the limit. Give at "
+            f"most a tenth of the tolerance, {most_resting:g}.",
+        )
     boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
     if boundary not in scheme.boundaries:
         raise InputError.about(

@@ -147,6 +147,13 @@ def reconstruct(
         of times less. For "regularised" both are of its descent on the finest grid. With "distance" this also ends
         when five iterations lower the energy by less than 100 `tolerance` of it, 1e-3 at most: a few pixels may then
         have far to go, most of them in shadow, and :attr:`Solution.distance` says how far.
+    resting : float
+        For the upwind scheme: blocks of pixels are left alone as long as no value in and next to them has changed by
+        more than this, all told, since they were swept. Then no sweep would change any value by more than this, and
+        :attr:`Solution.distance` counts it. At most a tenth of the tolerance, for noise that large spares up to a sixth
+        of the work. 0 leaves alone only what cannot change, so that the values are the same as without; else they
+        differ a little with the device too. Where the sweeps are those for GPUs, and in corrections to second order,
+        it counts as 0; `parameters["resting"]` of the :class:`Solution` says which it was.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
@@ -235,7 +242,7 @@ def reconstruct_batch(
         not converged; returning True stops these, and all that have not begun.
     light, reflectance, surface, boundary, scheme, ordering, accuracy_order, guide_kind, guide_scale, guide_tolerance
         As for :func:`reconstruct`, the same for all images.
-    paint, smoothing, max_iterations, tolerance, stopping, acceleration, max_slope, device, precision, throw
+    paint, smoothing, max_iterations, tolerance, stopping, resting, acceleration, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
 
     Returns

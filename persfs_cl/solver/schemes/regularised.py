@@ -20,7 +20,14 @@ class Regularised(Scheme):
     name: ClassVar[str] = "regularised"
     boundaries: ClassVar[tuple[str, ...]] = ("wall",)
     by_energy: ClassVar[bool] = True
-    without: ClassVar[tuple[str, ...]] = ("boundary", "ordering", "accuracy_order", "acceleration", "max_slope")
+    without: ClassVar[tuple[str, ...]] = (
+        "boundary",
+        "ordering",
+        "accuracy_order",
+        "acceleration",
+        "max_slope",
+        "resting",
+    )
     why_without: ClassVar[str] = "it minimises an energy over all pixels at once, and sweeps nothing"
 
     def model(self, light: Light, reflectance: Reflectance) -> Model:
