@@ -43,7 +43,7 @@ _FLATTER = 4.0
 _ATTEMPTS = 3
 """By what factor it is flattened further where a sliver was turned over by rounding, and how often."""
 
-_PATIENT, _RESOLUTE = 7.0, 10.0
+_PATIENT, _RESOLUTE = 9.0, 10.0
 """How fast the error grows that is allowed from pass to pass. There are 100 of them, after which the fast way has left
 no edge that could be collapsed."""
 
