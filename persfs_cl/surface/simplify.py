@@ -100,7 +100,7 @@ def simplified_mesh(
 
     Notes
     -----
-    From 24 million triangles, of 12 megapixels, to 500,000 takes 4 s of one core of an AMD EPYC (Zen 3), most of them
+    From 24 million triangles, of 12 megapixels, to 500,000 takes 2.5 s of one core of an AMD EPYC (Zen 3), half of them
     for the last halving; to make them all, and write them as PLY, takes 10 s and 2.2 GB, for a file of 504 MB instead
     of 10 MB.
     """
