@@ -6,7 +6,7 @@ from typing import Literal
 
 Surface = Literal["away", "toward"]
 Boundary = Literal["auto", "outflow", "extrapolate", "fixed", "wall"]
-Stopping = Literal["auto", "distance", "change", "gain"]
+Stopping = Literal["distance", "change", "gain"]
 Precision = Literal["float32", "float64"]
 GuideKind = Literal["depth", "inverse"]
 GuideScale = Literal["fixed", "fit", "affine"]

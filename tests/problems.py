@@ -121,6 +121,7 @@ def sweeper(
     linear: bool = False,
     tolerance: float = 0.0,
     rests: bool = True,
+    resting: float = 0.0,
 ) -> Sweeper:
     """The problem on a device, in a variant that can be stepped sweep by sweep."""
     wide = lanes(device, precision)
@@ -138,4 +139,5 @@ def sweeper(
         linear=linear,
         tolerance=tolerance,
         rests=rests,
+        resting=resting,
     )

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -29,7 +29,7 @@ _VIEW = slice(56, -50), slice(70, -70)
 _WIDTH = 720
 
 
-def frames(page: Path) -> list[Image.Image]:
+def frames(page: Path) -> list[NDArray[np.uint8]]:
     """One turn to and fro of the first relief of a page."""
     program = found_browser()
     if program is None:
@@ -44,20 +44,19 @@ def frames(page: Path) -> list[Image.Image]:
                 browser.drawn()
                 browser.frame()
                 sides.append(browser.picture("#relief canvas")[_VIEW])
-            both = Image.fromarray(np.concatenate(sides, axis=1).astype(np.uint8)[..., :3])
-            made.append(both.resize((_WIDTH, round(_WIDTH * both.height / both.width)), Image.Resampling.LANCZOS))
+            made.append(np.concatenate(sides, axis=1).astype(np.uint8)[..., :3])
     return made
 
 
 def main() -> None:
     """Write the picture."""
+    from PIL import Image
+
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run([sys.executable, "-m", "persfs_cl", "demo", "-o", folder], check=True)
         first, *others = frames(folder / "skull" / "index.html")
-        first.save(
-            PICTURE, save_all=True, append_images=others, duration=_MILLISECONDS, loop=0, quality=72, method=6
-        )
+        first.save(PICTURE, save_all=True, append_images=others, duration=_MILLISECONDS, loop=0, quality=72, method=6)
 
 
 if __name__ == "__main__":

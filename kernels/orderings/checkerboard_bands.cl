@@ -19,11 +19,10 @@
  * it has found nothing. So no group waits for another without end, however the groups are scheduled: what is left then
  * lies with groups that still work, and that go through all once more before they end.
  *
- * With RESTS each band has a row of segments, and each of these the number of the last half-sweep that changed it. A
- * segment is left alone if neither it nor its neighbours have changed since this colour had its turn, two half-sweeps
- * ago: it would find the same values again. Before the first half-sweep, FIRST_HALF, a segment has FIRST_HALF - 1, or 0
- * where there is nothing to sweep. What a group reads of a neighbour while that is changing does not matter: it belongs
- * to the same colour.
+ * With RESTS each band has a row of segments, and each of these, for both colours, the number of the last half-sweep
+ * that changed it, see account.cl. A segment is left alone if its colour has not changed when it last had its turn, nor
+ * the other one since, there and beside it: it would find the same values again. Before the first half-sweep,
+ * FIRST_HALF, a segment has FIRST_HALF - 1, or 0 where there is nothing to sweep.
  *
  * Work-group size 1; any number of groups. `sync` counts over the whole run and is never reset: for each image the
  * bands that have finished their iterations, and for each band of each image twice the stages done, plus one while some
@@ -54,7 +53,9 @@ typedef struct {
     __global const real *column_table, *row_table;
     __global real *previous;
     __global float *change; /* of the iteration */
-    __global volatile int *changed; /* shape (bands + 2, segments + 2) */
+    __global volatile int *changed; /* see account.cl, shape (2, bands + 2, segments + 2) */
+    __global real *drift;           /* likewise                                           */
+    real resting;                   /* likewise                                           */
     int rows, stride, first_colour, band_rows, bands, halves;
     int first_half; /* of the iteration                                                */
     int since;      /* the half-sweep that came first after the last search for the change */
@@ -66,26 +67,26 @@ static inline int segments_of(const int stride)
     return 1 + (vectors_of(stride) - 1) / SEGMENT;
 }
 
-/* Of the segments of a band the first one's number of the half-sweep that changed it last. */
-static inline __global volatile int *changes_of(const picture *image, const int band)
+/* Those of an image in the account of a colour. */
+static inline int account_of(const int bands, const int stride)
 {
-    return image->changed + (band + 1) * (segments_of(image->stride) + 2) + 1;
+    return (bands + 2) * (segments_of(stride) + 2);
 }
 
-/* Whether a half-sweep might change a segment. */
-static inline int may_change(__global volatile int *segment, const int segments, const int now)
+/* Where the first segment of a band stands there. */
+static inline int place_of(const picture *image, const int band)
 {
-    const int beside = max(segment[-1], segment[1]), across = max(segment[-(segments + 2)], segment[segments + 2]);
-    return max(segment[0], max(beside, across)) >= now - 2;
+    return (band + 1) * (segments_of(image->stride) + 2) + 1;
 }
 
 /* A half-sweep of the rows of a band. */
 static inline void sweep_band(const picture *image, const int band, const int top, const int bottom, const int stage)
 {
     const int segments = segments_of(image->stride), now = image->first_half + stage;
-    __global volatile int *changed = changes_of(image, band);
+    const int parts = account_of(image->bands, image->stride);
     for (int segment = 0; segment < segments; ++segment) {
-        if (RESTS && !may_change(changed + segment, segments, now))
+        const int part = place_of(image, band) + segment, own = part_of_colour(part, parts, now);
+        if (RESTS && !colour_may_change(image->changed, part, parts, segments + 2, now))
             continue;
         const int first = SEGMENT * segment, last = min(first + SEGMENT, vectors_of(image->stride));
         number moved = 0;
@@ -94,17 +95,18 @@ static inline void sweep_band(const picture *image, const int band, const int to
                                               image->parameters, image->column_table, image->row_table, image->rows,
                                               image->stride, row, (image->first_colour + stage) & 1, first, last, 1));
         if (RESTS && any_sign(as_integer(0 - moved)))
-            changed[segment] = now;
+            note_change(image->changed + own, image->drift + own, largest_of_lanes(moved), now, image->resting);
     }
 }
 
 /* Whether a band has changed since the last search for the change. */
 static inline int has_changed(const picture *image, const int band)
 {
-    __global volatile int *changed = changes_of(image, band);
+    __global volatile int *changed = image->changed + place_of(image, band);
+    const int parts = account_of(image->bands, image->stride);
     int latest = 0;
     for (int segment = 0; RESTS && segment < segments_of(image->stride); ++segment)
-        latest = max(latest, changed[segment]);
+        latest = max(latest, max(changed[segment], changed[parts + segment]));
     return !RESTS || latest >= image->since;
 }
 
@@ -177,13 +179,15 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
       const int iterations_before,       /* of this run                                         */
       __global real *previous,           /* Z before an iteration, shape of log_depth           */
       __global volatile int *changed,    /* see above, of each image                            */
+      __global real *drift,              /* see account.cl, as changed                          */
+      const real resting,                /* likewise                                            */
       const int sweeps_before,           /* of this run                                         */
       const int measured_sweeps,         /* those before the last search for the change         */
       const int polls)                   /* in vain before a group goes on: see CHEAPER         */
 {
     const int bands = (rows - 2 + band_rows - 1) / band_rows, stages = halves + measured;
     const int group = (int)get_group_id(0), groups = (int)get_num_groups(0);
-    const size_t account = RESTS ? (size_t)(bands + 2) * (size_t)(segments_of(stride) + 2) : 0;
+    const size_t account = RESTS ? 2 * (size_t)account_of(bands, stride) : 0;
     const int first_image = (int)((long)images * group / groups);
     for (int found = 1; found;) {
         found = 0;
@@ -210,6 +214,8 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                                      previous + begin,
                                      changes + now * images + image,
                                      changed + image * account,
+                                     drift + (RESTS == 2 ? image * account : 0),
+                                     resting,
                                      rows,
                                      stride,
                                      first_colour,

@@ -70,7 +70,7 @@ static inline number update_colour(__global real *log_depth,          /* of one 
         const number result =
             updated(value, shading, here, left, right, up, down, limits, flags + begin + at, 1, x, y, parameters, 1);
         STORE(cell, result);
-        moved = most(moved, here - result);
+        moved = most(moved, magnitude(here - result));
     }
     return moved;
 }

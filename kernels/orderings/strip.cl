@@ -191,17 +191,20 @@ static inline int blocks_of(const int width)
  */
 typedef struct {
     __global volatile int *at; /* the tile that the block begins with; it ends in the one before */
+    __global real *drift;      /* see account.cl */
     int step, row_step;
 } tiles;
 
-static inline tiles tiles_at(__global volatile int *changed, const int height, const int width, const int leftwards,
-                             const int upwards, const int strip, const int block)
+static inline tiles tiles_at(__global volatile int *changed, __global real *drift, const int height, const int width,
+                             const int leftwards, const int upwards, const int strip, const int block)
 {
     const int high = tiles_of(height), wide = tiles_of(width), stride = wide + 2 * BORDER;
     const int row = upwards ? high - 1 - strip * VECTORS : strip * VECTORS;
     const int column = leftwards ? wide - 1 - block : block;
+    const int first = (BORDER + row) * stride + BORDER + column;
     const tiles result = {
-        changed + (BORDER + row) * stride + BORDER + column,
+        changed + first,
+        drift + first,
         leftwards ? -1 : 1,
         upwards ? -stride : stride,
     };
@@ -218,14 +221,15 @@ static inline int last_change(const tiles all)
     return latest;
 }
 
-/* Notes that a sweep has changed the tiles of those vectors whose lanes have moved. */
-static inline void note_changes(const tiles all, const number *moved, const int sweep)
+/* Notes what a sweep has changed in the tiles of those vectors whose lanes have moved. */
+static inline void note_changes(const tiles all, const number *moved, const int sweep, const real resting)
 {
     __attribute__((opencl_unroll_hint(VECTORS))) for (int vector = 0; vector < VECTORS; ++vector)
         if (any_sign(as_integer(0 - moved[vector]))) {
-            __global volatile int *at = all.at + vector * (all.row_step - all.step);
-            at[0] = sweep;
-            at[-all.step] = sweep;
+            const int tile = vector * (all.row_step - all.step);
+            const real most_moved = largest_of_lanes(moved[vector]);
+            note_change(all.at + tile, all.drift + tile, most_moved, sweep, resting);
+            note_change(all.at + tile - all.step, all.drift + tile - all.step, most_moved, sweep, resting);
         }
 }
 
@@ -352,7 +356,7 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
  * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
  * `done_before` of them before this sweep. Reads brightness, flags and tables, and reads and writes log_depth in place.
  *
- * `changed` has the numbers of the sweeps that changed the tiles last, and `sweep` is that of this one, from
+ * `changed`, `drift` and `resting` are those of tiles.cl and account.cl, and `sweep` is the number of this one, from
  * FIRST_SWEEP.
  *
  * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says
@@ -362,10 +366,10 @@ static inline __attribute__((always_inline)) int
 run_strip(__global real *log_depth, __global const real *brightness, const bounds within,
           __global const uchar *flags, const parameter_set *parameters, __global const real *column_table,
           __global const real *row_table,
-          __global volatile int *progress, __global volatile int *changed, const int rows, const int stride,
+          __global volatile int *progress, __global volatile int *changed, __global real *drift, const int rows, const int stride,
           const int first_row, const int first_column, const int height, const int width, const int leftwards,
           const int upwards, const int strip, const int first_block, const int done_before, const int patience,
-          const int sweep, const int alone)
+          const int sweep, const real resting, const int alone)
 {
     const int blocks = blocks_of(width);
     const long column_step = leftwards ? -1 : 1;
@@ -390,8 +394,8 @@ run_strip(__global real *log_depth, __global const real *brightness, const bound
         const long at = row + (upwards ? -LANES * vector : LANES * vector);
         state.y[vector] = gather_axis(row_table, rows, at, upwards ? -1 : 1);
     }
-    tiles covered = tiles_at(changed, height, width, leftwards, upwards, strip, first_block);
-    int resting = 1;
+    tiles covered = tiles_at(changed, drift, height, width, leftwards, upwards, strip, first_block);
+    int rested = 1;
     int ahead = strip > 0 && !alone ? done_before : INT_MAX; /* blocks the strip before is known to have finished */
     for (int block = first_block; block < blocks; ++block) {
         const int needed = block + STRIP_ROWS / LANES + 1;
@@ -403,16 +407,17 @@ run_strip(__global real *log_depth, __global const real *brightness, const bound
             }
         }
         if (RESTS && last_change(covered) < sweep - 4)
-            resting = 1;
+            rested = 1;
         else {
-            if (resting)
+            if (rested)
                 begin_at(&state, log_depth + cell, &way);
-            resting = 0;
+            rested = 0;
             run_block(&state, log_depth, brightness, flags, cell, table, &way, parameters, alone);
             if (RESTS)
-                note_changes(covered, state.moved, sweep);
+                note_changes(covered, state.moved, sweep, resting);
         }
         covered.at += covered.step;
+        covered.drift += covered.step;
         cell += LANES * column_step;
         table -= LANES;
         if (!alone && (block % EVERY == EVERY - 1 || block == blocks - 1))

@@ -8,17 +8,18 @@
 static inline void run_sweep(__global real *log_depth, __global const real *brightness, const bounds within,
                              __global const uchar *flags, const parameter_set *parameters,
                              __global const real *column_table, __global const real *row_table,
-                             __global volatile int *changed, const int rows, const int stride, const int first_row,
+                             __global volatile int *changed, __global real *drift, const int rows, const int stride,
+                             const int first_row,
                              const int first_column, const int height, const int width, const int leftwards,
-                             const int upwards, const int number)
+                             const int upwards, const int number, const real resting)
 {
     for (int strip = 0; strip * STRIP_ROWS < height; ++strip) {
         if (leftwards)
-            run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, rows,
-                      stride, first_row, first_column, height, width, 1, upwards, strip, 0, 0, 0, number, 1);
+            run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, drift, rows,
+                      stride, first_row, first_column, height, width, 1, upwards, strip, 0, 0, 0, number, resting, 1);
         else
-            run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, rows,
-                      stride, first_row, first_column, height, width, 0, upwards, strip, 0, 0, 0, number, 1);
+            run_strip(log_depth, brightness, within, flags, parameters, column_table, row_table, 0, changed, drift, rows,
+                      stride, first_row, first_column, height, width, 0, upwards, strip, 0, 0, 0, number, resting, 1);
     }
 }
 
@@ -50,6 +51,8 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         __global const int4 *beside,
         __global real *renewed,
         __global volatile int *changed,    /* see tiles.cl, of each image                                      */
+        __global real *drift,              /* see account.cl, as changed                                       */
+        const real resting,                /* likewise                                                         */
         const int sweeps_before,           /* of this run                                                      */
         const int linear,                  /* 1: extrapolate, 0: outflow                                       */
         const float lowest)                /* floor of the linear extrapolation                                */
@@ -62,6 +65,7 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         const size_t begin = (size_t)image * size;
         __global real *z = log_depth + begin, *before = previous + begin;
         __global volatile int *last_changes = changed + image * tiles_of_image(height, width);
+        __global real *drifts = drift + (RESTS == 2 ? image * tiles_of_image(height, width) : 0);
         const parameter_set numbers = parameters[image];
         const bounds within = bounds_from(limits, (size_t)images * size, begin);
         for (int k = iteration; k < iteration + iterations; ++k) {
@@ -69,9 +73,9 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {
                 run_sweep(z, brightness + begin, within, flags + begin, &numbers, column_table + image * 6 * stride,
-                          row_table + image * 3 * rows, last_changes, rows, stride, first_row, first_column, height,
+                          row_table + image * 3 * rows, last_changes, drifts, rows, stride, first_row, first_column, height,
                           width, sweep & 1, sweep >> 1,
-                          FIRST_SWEEP + sweeps_before + 4 * (k - iteration) + sweep);
+                          FIRST_SWEEP + sweeps_before + 4 * (k - iteration) + sweep, resting);
                 for (int pass = 0; pass < 2; ++pass) {
                     const int2 part = part_of(counts, image, pass);
                     compute_renewed(z, &numbers, inwards, beside, renewed, part.x, part.y, 0, 1, linear, (real)lowest);

@@ -114,7 +114,9 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
       __global volatile int *sync,       /* shape (FIRST_CLAIM + (1 + APART) * images * strips)              */
       const int sweeps_before,           /* of this run                                                      */
       const int polls,                   /* in vain, before a group gives up: see patience_for               */
-      __global volatile int *changed)    /* see tiles.cl, of each image                                      */
+      __global volatile int *changed,    /* see tiles.cl, of each image                                      */
+      __global real *drift,              /* see account.cl, as changed                                       */
+      const real resting)                /* likewise                                                         */
 {
     const int strips = (height + STRIP_ROWS - 1) / STRIP_ROWS, total = strips * images;
     const launch all = {sync + FIRST_CLAIM, sync + FIRST_CLAIM + total, images, strips, blocks_of(width), first_sweep,
@@ -140,18 +142,19 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 __global real *z = log_depth + begin;
                 __global const real *e = brightness + begin;
                 __global volatile int *last_changes = changed + image * tiles_of_image(height, width);
+                __global real *drifts = drift + (RESTS == 2 ? image * tiles_of_image(height, width) : 0);
                 const int sweep = FIRST_SWEEP + sweeps_before + sweep_of_strip;
                 const parameter_set numbers = parameters[image];
                 __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
                 /* The flag as a constant, for two loops with straight addressing. */
                 if (direction & 1)
-                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
+                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, drifts, rows, stride,
                                       first_row, first_column, height, width, 1, upwards, strip, first_block,
-                                      done_before, patience, sweep, 0);
+                                      done_before, patience, sweep, resting, 0);
                 else
-                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, rows, stride,
+                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, drifts, rows, stride,
                                       first_row, first_column, height, width, 0, upwards, strip, first_block,
-                                      done_before, patience, sweep, 0);
+                                      done_before, patience, sweep, resting, 0);
             }
             if (whole)
                 continue;

@@ -2,8 +2,9 @@
  * update.cl. The variant for one cell a work-item at a time: LANES is 1.
  *
  * Reads the cell, REACH neighbours on every side and, at the rim, its flags; writes the cell where it accepts a value.
+ * Returns its change.
  */
-static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
+static inline real update_cell(__global real *log_depth,        /* Z or W = -Z, shape (rows, stride)   */
                                __global const real *brightness, /* marked as in update.cl, same shape */
                                const bounds within,             /* see prelude.cl, same shape          */
                                __global const uchar *flags,     /* see prelude.cl, same shape          */
@@ -12,7 +13,7 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
 {
     const real shading = brightness[cell];
     if (isnan(shading))
-        return;
+        return 0;
     const real to_p = parameters->sign * parameters->half_inverse_dx * (leftwards ? -1 : 1);
     const real to_q = parameters->sign * parameters->half_inverse_dy * (upwards ? -1 : 1);
     const long column_step = leftwards ? -1 : 1, row_step = upwards ? -(long)stride : (long)stride;
@@ -32,6 +33,8 @@ static inline void update_cell(__global real *log_depth,        /* Z or W = -Z, 
     const real result = updated(value, shading, here, at[-1], at[1], at[-(long)stride], at[stride], limits,
                                 flags + cell, 1, x, y, parameters, 1);
     /* Else it is what stands there. */
-    if (result < bound_of(here))
-        log_depth[cell] = result;
+    if (!(result < bound_of(here)))
+        return 0;
+    log_depth[cell] = result;
+    return magnitude(here - result);
 }

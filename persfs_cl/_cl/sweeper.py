@@ -25,10 +25,13 @@ from persfs_cl._cl.parameters import records
 from persfs_cl._cl.registers import lanes
 from persfs_cl._cl.run import Run
 from persfs_cl.errors import DeviceError
+from persfs_cl.masks import SWEPT
 from persfs_cl.wording import keyword
 
 _CELLS_AT_A_TIME = 2**28
 """Cells of iterations that are queued together at least, where that keeps images in the cache: half a second or so."""
+_MOST_SWEPT = 0.75
+"""Share of the pixels: with more an account of changes costs what it spares, by schemes that do not settle."""
 _LOWEST = 0.0
 """Floor of the extrapolation of the boundary."""
 
@@ -56,8 +59,12 @@ class Sweeper:
     only_lower : bool
         Let values only fall; False assigns what a cell is found to have.
     rests : bool
-        Leave alone what cannot change, by schemes that settle, as long as no boundary is renewed between the sweeps;
-        False computes every cell in every sweep. The values are the same.
+        Leave alone what cannot change, as long as no boundary is renewed between the sweeps, and where there is enough
+        of it: by schemes that settle, and where much of the images is not swept. The values are the same. False
+        computes every cell in every sweep, as is necessary where values change between these.
+    resting : float
+        Where parts rest, let those rest too around which no value has changed by more than this since they were swept,
+        by orderings that sum changes.
 
     Attributes
     ----------
@@ -86,6 +93,7 @@ class Sweeper:
         second_order: bool = False,
         only_lower: bool = True,
         rests: bool = True,
+        resting: float = 0.0,
     ) -> None:
         self._device = device
         self._real = device.real(precision)
@@ -97,7 +105,10 @@ class Sweeper:
             ordering = ordering_for(ordering, setup)
         has_boundary = any(len(image.cells) for image in images)
         self._limits = constants_of(images, may_rise=not only_lower)
-        self.ordering = ordering = replace(ordering, rests=rests and images[0].settles and not has_boundary)
+        rests = rests and not has_boundary and _has_what_rests(images, height * width)
+        self.ordering = ordering = replace(
+            ordering, rests=rests, drifts=rests and resting > 0.0 and ordering.sums_changes
+        )
         self._layout = ordering.layout((height, width))
         self._tolerance = _rounded_down(tolerance)
         self._rested = np.zeros(self.count, bool)
@@ -106,7 +117,7 @@ class Sweeper:
         self.kernel_seconds = 0.0
         with in_words(device):
             values = self._uploaded(images)
-            values |= {"tolerance": self._tolerance, "linear": int(linear), "lowest": _LOWEST}
+            values |= {"resting": resting, "tolerance": self._tolerance, "linear": int(linear), "lowest": _LOWEST}
             files, fields = [*model, *ordering.kernels], list(images[0].parameters)
             definitions = {**ordering.definitions, **self._limits}
             self._run = Run(
@@ -153,7 +164,9 @@ class Sweeper:
         if counters := self.ordering.counters(self.count, layout):
             values["sync"] = upload(device, np.zeros(counters, np.int32))
         none = np.zeros((self.count, 1), np.int32)
-        values["changed"] = upload(device, self.ordering.last_changes(images, layout) if self.ordering.rests else none)
+        account = self.ordering.last_changes(images, layout) if self.ordering.rests else none
+        values["changed"] = upload(device, account)
+        values["drift"] = upload(device, np.zeros(account.shape if self.ordering.drifts else none.shape, real))
         return values
 
     def _make_kernels(self, precision: str) -> None:
@@ -367,6 +380,14 @@ class Sweeper:
         except BaseException:
             self._device.queue.finish()
             raise
+
+
+def _has_what_rests(images: Sequence[Image], pixels: int) -> bool:
+    """Whether an account of changes pays: it takes up to a sixth of the time where all cells change."""
+    if images[0].settles:
+        return True
+    swept = sum(int(np.count_nonzero(image.flags & SWEPT)) for image in images)
+    return swept <= _MOST_SWEPT * len(images) * pixels
 
 
 def _rounded_down(tolerance: float) -> np.float32:

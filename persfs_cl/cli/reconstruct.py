@@ -148,7 +148,9 @@ def reconstruct(
     )
     check_folder(output, overwrite=overwrite)
     keep_freed_memory()
-    stopping, tolerance = ending(keywords["scheme"], keywords["stopping"], keywords["tolerance"])
+    tolerance, stopping = keywords["tolerance"], keywords["stopping"]
+    if tolerance is None:
+        tolerance = default_tolerance(keywords["scheme"], stopping)
     line = progress_line(tolerance, keywords["max_iterations"], stopping)
     with stop_on_interrupt() as interrupted, line as show:
 

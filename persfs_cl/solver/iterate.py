@@ -40,7 +40,7 @@ class Iteration:
     """What the iteration of some images that share launches came to, one entry an image.
 
     The values of `images` are those that the iteration has reached, `distances` estimates how far they are from the
-    limit.
+    limit. `resting` is the option of that name, or 0 where no block was left alone for it.
     """
 
     images: list[Image]
@@ -50,6 +50,7 @@ class Iteration:
     variant: str
     build_seconds: float = 0.0
     kernel_seconds: float = 0.0
+    resting: float = 0.0
 
     @classmethod
     def of(cls, device: Device, problems: Sequence[Problem], options: Options, callback: Callback | None) -> Iteration:
@@ -109,6 +110,9 @@ class Iteration:
             linear=options["boundary"] == "extrapolate",
             second_order=second_order,
             only_lower=only_lower,
+            # Mixtures change values between the sweeps.
+            rests=not accelerated,
+            resting=0.0 if second_order else options["resting"],
         )
         self.build_seconds += time.perf_counter() - began
         done = [len(self.changes[place]) for place in places]
@@ -118,6 +122,9 @@ class Iteration:
             ample = [max(_FREE_CORRECTIONS, sweeper.ordering.corrections * count) for count in done]
             limits = [min(pair) for pair in zip(limits, ample, strict=True)]
         self.variant = sweeper.variant
+        if sweeper.ordering.drifts:
+            self.resting = options["resting"]
+        stop.resting = self.resting
         iterations = _Iterations(sweeper, limits, callback, max(done))
         ends = (_accelerate if accelerated else _iterate)(iterations, sweeper, stop)
         self.kernel_seconds += sweeper.kernel_seconds
@@ -147,7 +154,7 @@ class Iteration:
         """One for each image, with its share of the time, so that none holds the others."""
         build, kernels = (seconds / len(self.images) for seconds in (self.build_seconds, self.kernel_seconds))
         return [
-            Iteration([image], [changes], [status], [distance], self.variant, build, kernels)
+            Iteration([image], [changes], [status], [distance], self.variant, build, kernels, self.resting)
             for image, changes, status, distance in zip(
                 self.images, self.changes, self.statuses, self.distances, strict=True
             )
@@ -195,10 +202,11 @@ class _Stop:
         self.tolerance = tolerance_of(options)
         self._by_distance = options["stopping"] == "distance"
         self.rounding = float(np.finfo(options["precision"]).eps)
+        self.resting = 0.0
 
     def distance(self, changes: Sequence[float]) -> float:
-        """See :func:`persfs_cl.solver.distance.distance_to_limit`."""
-        return distance_to_limit(changes, self.rounding)
+        """See :func:`persfs_cl.solver.distance.distance_to_limit`; and what blocks that rest leave."""
+        return distance_to_limit(changes, self.rounding) + self.resting
 
     def met(self, changes: Sequence[float]) -> bool:
         """Whether an image has converged that rests."""

@@ -22,19 +22,21 @@ from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.energy.minimise import GAIN
 from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
+from persfs_cl.solver.schemes.scheme import Scheme
 from persfs_cl.wording import keyword
 
 Callback = Callable[[int, float], bool | None]
 
 _STEEPEST = 1e6
 _MOST_ITERATIONS = 10**9
-_TOLERANCES: Mapping[Stopping, float] = {"distance": 1e-5, "change": 1e-5, "gain": GAIN}
-"""When none is given, by what it bounds."""
+_LEAST_GAIN = 1e-3
+"""The tolerance of the gain when none is given."""
 _PAINTS = ("plain", "painted")
 _MOST_PAINT = 10.0
 _MOST_SMOOTHING = 1e4
+_MOST_RESTING = 0.1 * (1.0 + 1e-12)
+"""Of the tolerance: the changes that blocks let pass add up along the way that a value takes."""
 
 _REGION, _SOLVER, _DEVICE = "Region and known values", "Solver", "Device"
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -254,19 +256,27 @@ class Options(TypedDict, total=False):
         Option(
             None,
             _tolerance,
-            "Ends when ln depth is estimated to be no farther than this from its limit; 1e-5 by default, for "
-            "regularised see --stopping.",
+            "Ends when ln depth is estimated to be no farther than this from its limit; 1e-5 by default, 2e-3 "
+            "for regularised.",
         ),
     ]
     stopping: Annotated[
         Stopping,
         Option(
-            "auto",
+            "distance",
             _IS_STOPPING,
             "What the tolerance bounds: the estimated distance from the limit, or, as in the paper, only the change of "
-            "an iteration, or, for regularised, the share of its energy that five iterations gain. auto: the distance, "
-            "but for regularised without a tolerance a gain of 1e-3.",
+            "an iteration, or, for regularised, the share of its energy that five iterations gain, by default 1e-3.",
             choices=_STOPPINGS,
+        ),
+    ]
+    resting: Annotated[
+        float,
+        Option(
+            0.0,
+            _tolerance,
+            "For upwind: blocks of pixels rest while ln depth in and around them has changed by no more than this "
+            "since they were swept. 0 changes nothing.",
         ),
     ]
     acceleration: Annotated[
@@ -382,16 +392,39 @@ def complete(given: Options) -> Options:
         )
     slope = options["max_slope"]
     options["scheme"], options["boundary"] = scheme.name, boundary
-    options["stopping"], options["tolerance"] = ending(scheme.name, options["stopping"], options["tolerance"])
+    if options["tolerance"] is None:
+        options["tolerance"] = default_tolerance(scheme.name, options["stopping"])
+    resting, most_resting = options["resting"], _MOST_RESTING * tolerance_of(options)
+    if resting > 0.0 and not scheme.settles:
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('scheme', scheme.name)}: it creeps to its limit by such small changes. Use "
+            f"{keyword('resting', 0)}, or {keyword('scheme', 'upwind')}.",
+        )
+    if resting > 0.0 and options["ordering"] == "lexicographic":
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('ordering', 'lexicographic')}: it computes every pixel in every sweep. Use "
+            f"{keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
+        )
+    if resting > most_resting:
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('tolerance', tolerance_of(options))}: blocks would rest too far from the limit. Give at "
+            f"most a tenth of the tolerance, {most_resting:g}.",
+        )
     options["max_slope"] = scheme.max_slope(light) if slope is None else slope
     return options
 
 
-def ending(scheme: str, stopping: Stopping, tolerance: float | None) -> tuple[Stopping, float]:
-    """What the tolerance bounds, and the tolerance, "auto" and None replaced."""
-    if stopping == AUTO:
-        stopping = SCHEMES[scheme].stopping if tolerance is None and scheme in SCHEMES else "distance"
-    return stopping, _TOLERANCES[stopping] if tolerance is None else tolerance
+def default_tolerance(scheme: str, stopping: Stopping) -> float:
+    """What the tolerance is when none is given."""
+    if stopping == "gain":
+        return _LEAST_GAIN
+    return SCHEMES[scheme].tolerance if scheme in SCHEMES else Scheme.tolerance
 
 
 def tolerance_of(options: Options) -> float:

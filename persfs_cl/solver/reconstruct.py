@@ -141,14 +141,22 @@ def reconstruct(
     tolerance : float, optional
         The run has converged when Z is at most this from its limit, as far as the rate tells at which its changes
         shrink, see :attr:`Solution.distance`; or when nothing changes any more, or only rounding does. Z = ln z, so
-        1e-5, the default, is 0.001 % of the depth. It bounds what further iterations would change, not the error of the
-        scheme. 0 iterates until nothing changes, down to the last bit.
-    stopping : {"auto", "distance", "change", "gain"}
+        1e-5, the default, is 0.001 % of the depth; for "regularised" it is 2e-3, since noise and prior leave more open
+        than that. It bounds what further iterations would change, not the error of the scheme. 0 iterates until nothing
+        changes, down to the last bit.
+    stopping : {"distance", "change", "gain"}
         What the tolerance bounds. "distance": that distance. "change": as in the paper, max |ΔZ| over an iteration,
         which may be hundreds of times less. "gain", for "regularised" only: the share of its energy by which five
         iterations lower it, 1e-3 when no tolerance is given. Then some pixels may still have far to go, most of them in
-        shadow; :attr:`Solution.distance` says how far. "auto" is "gain" for "regularised" without a tolerance, and else
-        "distance". For "regularised" all three are of its descent on the finest grid.
+        shadow; :attr:`Solution.distance` says how far. For "regularised" all three are of its descent on the finest
+        grid.
+    resting : float
+        For the upwind scheme: blocks of pixels are left alone as long as no value in and next to them has changed by
+        more than this, all told, since they were swept. Then no sweep would change any value by more than this, and
+        :attr:`Solution.distance` counts it. At most a tenth of the tolerance, for noise that large spares up to a sixth
+        of the work. 0 leaves alone only what cannot change, so that the values are the same as without; else they
+        differ a little with the device too. Where the sweeps are those for GPUs, and in corrections to second order,
+        it counts as 0; `parameters["resting"]` of the :class:`Solution` says which it was.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
@@ -237,7 +245,7 @@ def reconstruct_batch(
         not converged; returning True stops these, and all that have not begun.
     light, reflectance, surface, boundary, scheme, ordering, accuracy_order, guide_kind, guide_scale, guide_tolerance
         As for :func:`reconstruct`, the same for all images.
-    paint, smoothing, max_iterations, tolerance, stopping, acceleration, max_slope, device, precision, throw
+    paint, smoothing, max_iterations, tolerance, stopping, resting, acceleration, max_slope, device, precision, throw
         As for :func:`reconstruct`, the same for all images.
 
     Returns

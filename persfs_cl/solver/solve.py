@@ -108,7 +108,7 @@ def finish(device: Device, attempted: Attempt, options: Options) -> Finished:
         light=problem.model.light,
         reflectance=problem.model.reflectance,
         parameters={
-            **reported(options),
+            **reported({**options, "resting": run.resting}),
             "sweep": run.variant,
             **({"lamp_rounds": attempted.rounds} if attempted.rounds else {}),
         },

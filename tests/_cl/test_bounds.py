@@ -119,7 +119,7 @@ def test_the_limit_is_that_of_the_obstacle_problem(device: Device, name: str) ->
 @pytest.mark.quick_where(
     holds=lambda given: given["name"] == ("upwind flash" if given["ordering"] == STRIPS else "frontal away")
 )
-# Under the Lax-Friedrichs scheme nothing rests.
+# Under the Lax-Friedrichs scheme nothing rests on a full frame.
 @pytest.mark.parametrize("rests", [True, pytest.param(False, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("ordering", ORDERINGS, ids=str)
 @pytest.mark.parametrize("name", ["upwind oblique toward", "upwind flash", "frontal away"])

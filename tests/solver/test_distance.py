@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl._cl.device import Device
+from persfs_cl._cl.registers import lanes
 from persfs_cl.solver.distance import distance_to_limit
 
 _UNFORESEEN = 2e-6
@@ -104,6 +106,40 @@ def test_upwind_ends_within_the_tolerance(name: str, ordering: str) -> None:
     assert solution.distance <= 2.0 * true + _UNFORESEEN
     assert true <= 2.0 * solution.distance + _UNFORESEEN
     assert solution.iterations <= exact.iterations
+
+
+@pytest.mark.quick_where(holds=lambda parameters: parameters["name"] in QUICK)
+@pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "rough"])
+def test_blocks_that_rest_early_leave_the_result_within_the_distance(name: str, ordering: str) -> None:
+    keywords = {"scheme": "upwind", "ordering": ordering, "precision": "float64"}
+    exact = limit(SCENES[name], **keywords)
+    for resting in (1e-4, 1e-6):
+        solution = solve(SCENES[name], **keywords, tolerance=10 * resting, resting=resting)
+        assert solution.status is ps.Status.CONVERGED
+        assert solution.parameters["resting"] <= solution.distance <= 10 * resting
+        assert apart(solution, exact) <= solution.distance
+
+
+def test_a_solution_says_whether_blocks_rested_early(device: Device) -> None:
+    keywords = {"scheme": "upwind", "tolerance": 1e-3, "device": device}
+    without = solve(SCENES["bump"], **keywords)
+    asked = solve(SCENES["bump"], **keywords, resting=1e-4)
+    vectors = lanes(device, "float32") > 1
+    assert without.parameters["resting"] == 0.0
+    assert asked.parameters["resting"] == (1e-4 if vectors else 0.0)
+    assert asked.distance >= asked.parameters["resting"]
+
+
+def test_blocks_rest_for_small_changes_by_the_upwind_scheme_alone() -> None:
+    with pytest.raises(ps.InputError, match=r"resting=1e-06 with scheme='lax-friedrichs': it creeps .*'upwind'"):
+        solve(SCENES["bump"], scheme="lax-friedrichs", resting=1e-6)
+    with pytest.raises(ps.InputError, match=r"resting=1e-06 with ordering='lexicographic': it computes every pixel"):
+        solve(SCENES["bump"], scheme="upwind", ordering="lexicographic", resting=1e-6)
+    with pytest.raises(ps.InputError, match=r"resting=2e-06 with tolerance=1e-05: .* a tenth of the tolerance, 1e-06"):
+        solve(SCENES["bump"], scheme="upwind", resting=2e-6)
+    with pytest.raises(ps.InputError, match=r"resting=1e-06 with tolerance=0"):
+        solve(SCENES["bump"], scheme="upwind", resting=1e-6, tolerance=0.0)
 
 
 @pytest.mark.thorough

@@ -292,6 +292,26 @@ def test_the_start_value_does_not_squeeze_the_curve(tmp_path: Path, drawn: Drawn
     assert drawn[1].axes[0].get_ylim()[1] > 3e4
 
 
+def test_the_axis_of_changes_has_powers_of_ten_at_their_places(tmp_path: Path, drawn: Drawn) -> None:
+    plots.convergence_picture(tmp_path / "a.png", HISTORY[:3], 1e-4)
+    axes = drawn[0].axes[0]
+    low, high = axes.get_ylim()
+    plain = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+    shown = {tick.get_loc(): tick.label1.get_text() for tick in axes.yaxis.get_major_ticks()}
+    places = [place for place in shown if low <= place <= high]
+    assert places == pytest.approx([1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+    assert [float(f"1e{shown[place][2:].translate(plain)}") for place in places] == pytest.approx(places)
+
+
+def test_the_axis_of_changes_has_numbers_where_it_spans_no_power_of_ten(tmp_path: Path, drawn: Drawn) -> None:
+    plots.convergence_picture(tmp_path / "a.png", [3.2], 3.0)
+    axes = drawn[0].axes[0]
+    low, high = axes.get_ylim()
+    ticks = [*axes.yaxis.get_major_ticks(), *axes.yaxis.get_minor_ticks()]
+    assert 1.0 <= low < high <= 10.0
+    assert any(tick.label1.get_text() for tick in ticks if low <= tick.get_loc() <= high)
+
+
 @pytest.mark.parametrize("shape", [(1, 60), (60, 1), (2, 500)])
 def test_the_colour_bar_of_a_slender_image_can_be_read(shape: tuple[int, int], tmp_path: Path, drawn: Drawn) -> None:
     plots.depth_picture(tmp_path / "a.png", np.linspace(1.0, 2.0, shape[0] * shape[1]).reshape(shape))

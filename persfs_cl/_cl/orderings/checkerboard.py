@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
+import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
+from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
-from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
+from persfs_cl._cl.orderings.account import first_account
+from persfs_cl._cl.orderings.ordering import ROW_GROUP, Ordering, Setup, in_row_groups
 from persfs_cl._cl.run import Run
+
+_BEFORE, _WHOLE_ROW = 2, 2**30
+"""As in the kernel: the number of a half-sweep before the first one; and more vectors than any row has."""
+
+Self = TypeVar("Self", bound="Checkerboard")
 
 
 @dataclass(frozen=True)
 class Checkerboard(Ordering):
-    """All cells of a colour, then all of the other."""
+    """All cells of a colour, then all of the other.
+
+    Attributes
+    ----------
+    group : int
+        Work-items of a group, of which each takes a cell, and cells of a part of a row that rests by itself. Vectors
+        are all of one item, and so are the rows.
+    """
 
     file: ClassVar[str] = "checkerboard"
     coloured: ClassVar[bool] = True
@@ -22,20 +39,51 @@ class Checkerboard(Ordering):
     numbers_a_cell: ClassVar[int] = 4
     reason: ClassVar[str] = "All cells of a colour at a time, a work-item each, which suits a GPU."
     for_want_of_vectors: ClassVar[bool] = True
+    numbers_a_sweep: ClassVar[int] = 2
+
+    group: int = ROW_GROUP
+
+    @classmethod
+    def of(cls: type[Self], setup: Setup) -> Self:
+        """With groups as large as the device allows."""
+        group = min(ROW_GROUP, setup.device.largest_group)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=group)
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """With a cell update of its own, which is of first order."""
-        return "update", "colour", self.file
+        return "update", "colour", "account", self.file
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """With the parts that rest."""
+        return {**super().definitions, "PART": self.group if self.lanes == 1 else _WHOLE_ROW, **self.account}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """Columns apart."""
         return Layout.columns_apart(shape, self.lanes)
 
+    def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
+        """Of parts of rows, of one colour and of the other."""
+        columns = layout.stride - 2 * max(self.lanes, 4)
+        account = first_account(
+            images,
+            layout,
+            (1, 2 * self.group if self.lanes == 1 else columns),
+            before=_BEFORE,
+            border=1,
+            first_column=layout.first_column,
+            last_column=columns,
+        )
+        return np.stack([account, account], axis=1)
+
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """Two launches; the direction is of no consequence."""
         layout = run.layout
-        items = 1 if self.lanes > 1 else layout.stride // 2
-        size, group = in_row_groups(run.device, items, layout.rows - 2, run.images)
-        event, _ = [run.launch(size, group, colour=(layout.parity + half) % 2) for half in range(2)]
+        items, group_of_row = (1, 1) if self.lanes > 1 else (layout.stride // 2, self.group)
+        size, group = in_row_groups(group_of_row, items, layout.rows - 2, run.images)
+        event, _ = [
+            run.launch(size, group, colour=(layout.parity + half) % 2, halves_before=2 * run.sweeps + half)
+            for half in range(2)
+        ]
         return event

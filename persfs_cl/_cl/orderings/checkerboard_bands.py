@@ -43,6 +43,7 @@ class CheckerboardBands(Ordering):
     reason: ClassVar[str] = "The processors take bands of rows that fit into their caches, in vectors."
     sweeps_together: ClassVar[bool] = True
     numbers_a_sweep: ClassVar[int] = 2
+    sums_changes: ClassVar[bool] = True
 
     band_rows: int = 1
     work_groups: int = 1
@@ -51,12 +52,12 @@ class CheckerboardBands(Ordering):
     @property
     def kernels(self) -> tuple[str, ...]:
         """With a cell update of its own, which is of first order."""
-        return "update", "colour", "change", self.file
+        return "update", "colour", "change", "account", self.file
 
     @property
     def definitions(self) -> dict[str, int]:
         """Without accounts where nothing rests."""
-        return {**super().definitions, "RESTS": int(self.rests)}
+        return {**super().definitions, **self.account}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """Columns apart."""
@@ -67,8 +68,8 @@ class CheckerboardBands(Ordering):
         return images * (1 + self._bands(layout))
 
     def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
-        """Of segments of bands, see the kernel."""
-        return first_account(
+        """Of segments of bands, of one colour and of the other, see the kernel."""
+        account = first_account(
             images,
             layout,
             (self.band_rows, 2 * _SEGMENT * self.lanes),
@@ -77,6 +78,7 @@ class CheckerboardBands(Ordering):
             first_column=layout.first_column,
             last_column=layout.stride - 2 * max(self.lanes, 4),
         )
+        return np.stack([account, account], axis=1)
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """One launch; the direction is of no consequence."""

@@ -19,18 +19,17 @@ from persfs_cl.errors import KernelBuildError
 ALL_ITERATIONS = 2**31 - 1
 """Of :meth:`Ordering.iterations_a_launch`: as many as are queued."""
 WORK_GROUP_OF_ONE = (1,)
-_ROW_GROUP = 64
-"""Neighbouring cells of a row that a work-group takes, where each work-item takes its own."""
+ROW_GROUP = 64
+"""Neighbouring cells of a row that a work-group takes, where each work-item takes its own, if a device allows it."""
 
 Self = TypeVar("Self", bound="Ordering")
 
 
-def in_row_groups(device: Device, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Size of a launch of at least so many items along rows, and of its work-groups.
+def in_row_groups(group: int, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Size of a launch of at least so many items along rows, and of its work-groups of so many.
 
     That is one for images of all sizes: drivers for processors compile a kernel anew for each size of a group.
     """
-    group = min(_ROW_GROUP, device.largest_group) if items > 1 else 1
     return (-(-items // group) * group, *others), (group, *(1 for _ in others))
 
 
@@ -94,6 +93,8 @@ class Ordering:
         By which a sweep is counted in its account of changes, see :meth:`last_changes`.
     counts_tiles : bool
         Whether that account is one of tiles, see kernels/shared/tiles.cl.
+    sums_changes : bool
+        Whether that account has sums of changes, so that parts can rest of which these are small.
     lanes : int
         Cells that a work-item updates at once: see kernels/shared/prelude.cl.
     second_order : bool
@@ -104,6 +105,8 @@ class Ordering:
         Leave alone, in each sweep, what cannot change: where neither a part of an image nor what it reads has changed
         since the last sweep in the same direction. Sweeps must then come in turn, in all four directions. An ordering
         that keeps no account of changes has it without effect.
+    drifts : bool
+        Where parts rest, and changes are summed, let those rest too whose changes come to no more than a run says.
     """
 
     file: ClassVar[str]
@@ -120,11 +123,13 @@ class Ordering:
     corrections: ClassVar[int] = 2
     numbers_a_sweep: ClassVar[int] = 1
     counts_tiles: ClassVar[bool] = False
+    sums_changes: ClassVar[bool] = False
 
     lanes: int = 1
     second_order: bool = False
     only_lower: bool = True
     rests: bool = False
+    drifts: bool = False
 
     @classmethod
     def of(cls: type[Self], setup: Setup) -> Self:
@@ -142,6 +147,11 @@ class Ordering:
         # What is usual is left to prelude.cl.
         reach = {"REACH": 2} if self.second_order else {}
         return {"LANES": self.lanes, **reach, **({} if self.only_lower else {"ONLY_LOWER": 0})}
+
+    @property
+    def account(self) -> dict[str, int]:
+        """Which account a kernel keeps of changes, for those that keep one: see kernels/shared/account.cl."""
+        return {"RESTS": (2 if self.drifts else 1) if self.rests else 0}
 
     @property
     def margin(self) -> int:

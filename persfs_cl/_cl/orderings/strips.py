@@ -32,6 +32,7 @@ class Strips(Ordering):
 
     vectors_down: ClassVar[bool] = True
     counts_tiles: ClassVar[bool] = True
+    sums_changes: ClassVar[bool] = True
 
     vectors: int = 3
     work_groups: int = 1
@@ -44,7 +45,7 @@ class Strips(Ordering):
     @property
     def definitions(self) -> dict[str, int]:
         """With the height of a strip."""
-        return {**super().definitions, "VECTORS": self.vectors, "RESTS": int(self.rests)}
+        return {**super().definitions, "VECTORS": self.vectors, **self.account}
 
     def layout(self, shape: tuple[int, int]) -> Layout:
         """The last strip may reach past the image; lanes lean out by a strip's height and a block."""

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
+import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
-from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
+from persfs_cl._cl.image import Image
+from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.orderings.account import first_account
+from persfs_cl._cl.orderings.ordering import ROW_GROUP, Ordering, Setup, in_row_groups
 from persfs_cl._cl.run import Run
+
+_BEFORE, _REACH = 3, 2
+"""As in the kernel: the number of a third of a sweep before the first one, and parts around the image."""
+
+Self = TypeVar("Self", bound="ThreeColours")
 
 
 @dataclass(frozen=True)
 class ThreeColours(Ordering):
-    """All cells of a colour, then all of the next."""
+    """All cells of a colour, then all of the next.
+
+    Attributes
+    ----------
+    group : int
+        Work-items of a group, and cells of a part of a row that rests by itself.
+    """
 
     file: ClassVar[str] = "three_colours"
     coloured: ClassVar[bool] = True
@@ -24,9 +41,29 @@ class ThreeColours(Ordering):
     reason: ClassVar[str] = (
         "At second order a cell reads two neighbours on every side, for which two colours do not suffice."
     )
+    before: ClassVar[tuple[str, ...]] = ("update", "cell", "account")
+    numbers_a_sweep: ClassVar[int] = 3
+
+    group: int = ROW_GROUP
+
+    @classmethod
+    def of(cls: type[Self], setup: Setup) -> Self:
+        """With groups as large as the device allows."""
+        group = min(ROW_GROUP, setup.device.largest_group)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=group)
+
+    @property
+    def definitions(self) -> dict[str, int]:
+        """With the parts that rest."""
+        return {**super().definitions, "PART": self.group, **self.account}
+
+    def last_changes(self, images: Sequence[Image], layout: Layout) -> NDArray[np.int32]:
+        """Of parts of rows."""
+        return first_account(images, layout, (1, self.group), before=_BEFORE, border=_REACH)
 
     def sweep(self, run: Run, number: int, count: int) -> cl.Event:
         """Three launches; the direction is of no consequence."""
-        size, group = in_row_groups(run.device, run.layout.width, run.layout.height, run.images)
-        event, *_ = [run.launch(size, group, colour=colour) for colour in range(3)]
+        size, group = in_row_groups(self.group, run.layout.width, run.layout.height, run.images)
+        before = 3 * run.sweeps
+        event, *_ = [run.launch(size, group, colour=colour, thirds_before=before + colour) for colour in range(3)]
         return event

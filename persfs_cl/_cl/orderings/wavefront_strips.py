@@ -32,6 +32,7 @@ class WavefrontStrips(Strips):
     before: ClassVar[tuple[str, ...]] = (
         "update",
         "change",
+        "account",
         "tiles",
         "strip",
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 from persfs_cl.arrays import Array, Indices
-from persfs_cl.choices import Boundary, Stopping
+from persfs_cl.choices import Boundary
 from persfs_cl.shading.model import Light, Model
 from persfs_cl.shading.reflectance import Reflectance
 
@@ -47,8 +47,8 @@ class Scheme(ABC):
         For who asks for one that is not among them.
     by_energy : bool
         Whether it minimises an energy, see :mod:`persfs_cl.solver.energy`, and sweeps nothing.
-    stopping : str
-        What ends a run when nothing is said of that: "distance", or "gain" for one that has an energy.
+    tolerance : float
+        Of the distance from its limit, when none is given.
     without : tuple of str
         Keywords that mean nothing to it. A value is refused that is not the default, which commands give anyway.
     why_without : str
@@ -65,7 +65,7 @@ class Scheme(ABC):
     same_iterates: ClassVar[bool] = True
     outside: ClassVar[float | None] = None
     by_energy: ClassVar[bool] = False
-    stopping: ClassVar[Stopping] = "distance"
+    tolerance: ClassVar[float] = 1e-5
     without: ClassVar[tuple[str, ...]] = ("paint", "smoothing")
     why_without: ClassVar[str] = "it takes the image at its word"
     accelerates: ClassVar[bool] = False

@@ -119,8 +119,9 @@ def show(
     # Blocks may end behind the last pixel.
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     axes.set_facecolor(_NO_SURFACE)
-    # The numbers at the upper ends of axes are half above them.
-    axes.set_title(title, fontsize=11, pad=9)
+    # The numbers at the upper ends of axes are half above them. Where a title stands is said, or else Matplotlib would
+    # measure all texts of the axes for it.
+    axes.set_title(title, fontsize=11, pad=9, y=1.0)
     axes.set_xlabel("column (px)")
     axes.set_ylabel("row (px)")
     axes.locator_params(integer=True, min_n_ticks=1)

@@ -12,13 +12,16 @@ from numpy.typing import ArrayLike
 from persfs_cl.arrays import Array
 from persfs_cl.errors import InputError
 from persfs_cl.io.files import FilePath
-from persfs_cl.surface.plots.canvas import new_figure
+from persfs_cl.surface.plots.canvas import load_matplotlib, new_figure
 from persfs_cl.surface.plots.panels import fit_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _STEEPEST_CHANGE = 10.0
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_DECADES = 100.0
+"""From the foot of an axis to its top; where it spans less, numbers are wanted in between."""
 _WIDTH, _HEIGHT = 5.3, 3.1
 _LEFT, _BELOW, _EDGE = 0.9, 0.55, 0.2
 """Inches of the axes, and around them, with room for numbers and names."""
@@ -64,11 +67,14 @@ def convergence_picture(
     if not 0 <= tolerance < np.inf:
         raise InputError.about("tolerance", tolerance, "is not a change: give a finite number >= 0.")
 
+    load_matplotlib()
+    from matplotlib.ticker import NullLocator
+
     iterations = np.arange(1, values.size + 1)
     moved = values > 0
     with new_figure(path) as figure:
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        above = fit_title(axes.set_title(title), figure, _WIDTH) + 1.5 * _EDGE
+        above = fit_title(axes.set_title(title, y=1.0), figure, _WIDTH) + 1.5 * _EDGE
         width, height = _LEFT + _WIDTH + _EDGE, _BELOW + _HEIGHT + above
         figure.set_size_inches(width, height)
         axes.set_position((_LEFT / width, _BELOW / height, _WIDTH / width, _HEIGHT / height))
@@ -92,10 +98,20 @@ def convergence_picture(
         axes.set(xlabel="iteration (four sweeps)", ylabel="change of ln depth, max |ΔZ|")
         axes.locator_params(axis="x", integer=True, min_n_ticks=1)
         _limit_changes(axes, values, [mark for mark in (tolerance, distance) if mark > 0])
+        low, high = axes.get_ylim()
+        if high >= _DECADES * low:
+            # The formulas that Matplotlib writes exponents with take longer than all else that is drawn.
+            axes.yaxis.set_major_formatter(_power_of_ten)
+            axes.yaxis.set_minor_locator(NullLocator())
         axes.grid(which="major", color="0.9")
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend()
+
+
+def _power_of_ten(value: float, _position: float = 0.0) -> str:
+    """A whole power of 10 as a text."""
+    return "10" + str(round(math.log10(value))).translate(_RAISED)
 
 
 def _limit_changes(axes: Axes, changes: Array, marks: Sequence[float]) -> None:

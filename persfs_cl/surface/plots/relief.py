@@ -211,7 +211,8 @@ def _draw_solid(axes: Axes3D, facets: Array, colours: Array, lowest: Array, high
     if facets.shape[1] == 1:
         axes.scatter(*facets[:, 0].T, c=colours, s=10, edgecolors="0.3", linewidths=0.5, depthshade=False)
     else:
-        axes.add_collection3d(Poly3DCollection(facets, facecolors=colours, edgecolors=colours, linewidths=0.4))
+        # Without edges they fit together as they are, if they are not smoothed.
+        axes.add_collection3d(Poly3DCollection(facets, facecolors=colours, edgecolors="none", antialiaseds=False))
     axes.set_xlim(lowest[0], highest[0])
     axes.set_ylim(highest[1], lowest[1])
     axes.set_zlim(highest[2], lowest[2])

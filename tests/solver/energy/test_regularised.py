@@ -258,7 +258,7 @@ def test_the_tolerance_bounds_what_it_is_said_to(device: ps.Device) -> None:
     assert by_distance.energies[-1] <= by_gain.energies[-1] <= 1.02 * by_distance.energies[-1]
 
 
-def test_without_a_tolerance_the_gain_ends_it(device: ps.Device) -> None:
+def test_the_tolerance_that_is_not_given_goes_by_scheme_and_stopping(device: ps.Device) -> None:
     scene = ps.bump((32, 40), light=ps.FlashLight(), noise=0.01)
 
     def ended(**options: Any) -> tuple[str, float]:
@@ -266,11 +266,11 @@ def test_without_a_tolerance_the_gain_ends_it(device: ps.Device) -> None:
         assert found.status is ps.Status.CONVERGED
         return found.parameters["stopping"], found.parameters["tolerance"]
 
-    assert ended(scheme="regularised") == ("gain", 1e-3)
-    assert ended(scheme="regularised", stopping="gain", tolerance=1e-2) == ("gain", 1e-2)
+    assert ended(scheme="regularised") == ("distance", 2e-3)
     assert ended(scheme="regularised", tolerance=1e-3) == ("distance", 1e-3)
-    assert ended(scheme="regularised", stopping="distance") == ("distance", 1e-5)
-    assert ended() == ended(stopping="auto") == ("distance", 1e-5)
+    assert ended(scheme="regularised", stopping="gain") == ("gain", 1e-3)
+    assert ended(scheme="regularised", stopping="gain", tolerance=1e-2) == ("gain", 1e-2)
+    assert ended() == ("distance", 1e-5)
     with pytest.raises(ps.InputError, match="has an energy to gain") as error:
         ended(stopping="gain")
     assert error.value.argument == "stopping"
