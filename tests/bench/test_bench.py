@@ -339,11 +339,11 @@ def test_experiments_in_processes_of_their_own(
     # Of both kinds of photographs the one whose files take longer to decode.
     *_, (kind, how) = photograph._PHOTOS.items()
     monkeypatch.setattr(photograph, "_PHOTOS", {kind: how})
-    (whole,) = photograph.photograph(plan)
-    assert [record.quantity for record in whole] == ["from start to end", "processor time", "peak memory"]
-    seconds, processor, peak = (record.median or 0.0 for record in whole)
+    (calls,) = photograph.photograph(plan)
+    assert [record.quantity for record in calls] == ["from start to end", "processor time", "peak memory"]
+    seconds, processor, peak = (record.median or 0.0 for record in calls)
     assert (seconds > 0.1, processor > 0.1, peak > 50) == (True, True, True)
-    assert whole[0].detail.startswith("17 files, ")
+    assert calls[0].detail.startswith("17 files, ")
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from persfs_cl.pipeline.batch import batch
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.cluster import Cluster, Patience
 from persfs_cl.pipeline.cluster_worker import Answer, versions
-from persfs_cl.pipeline.job import Job
+from persfs_cl.pipeline.job import Job, read_job
 from persfs_cl.pipeline.manifest import FOLDER, Record, records_of
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.remote_store import store_for
@@ -202,7 +202,7 @@ def test_a_chunk_ends_when_who_asked_is_gone(photos: Path, tmp_path: Path, monke
             assert not future.done()
         wait_until((tmp_path / "ended").exists)
     # And then the station drops what it has, of which some is not read before.
-    stop, read, stopped = station.Station.stop, station.read_job, threading.Event()
+    stop, stopped = station.Station.stop, threading.Event()
 
     def noted(self: station.Station) -> None:
         stop(self)
@@ -211,7 +211,7 @@ def test_a_chunk_ends_when_who_asked_is_gone(photos: Path, tmp_path: Path, monke
     def held(job: Job) -> Any:
         if job.path.name >= "20.png":
             stopped.wait()
-        return read(job)
+        return read_job(job)
 
     monkeypatch.setattr(station.Station, "stop", noted)
     monkeypatch.setattr(station, "read_job", held)
