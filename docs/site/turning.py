@@ -55,8 +55,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run([sys.executable, "-m", "persfs_cl", "demo", "-o", folder], check=True)
-        first, *others = frames(folder / "skull" / "index.html")
-        first.save(PICTURE, save_all=True, append_images=others, duration=_MILLISECONDS, loop=0, quality=72, method=6)
+        whole = [Image.fromarray(frame) for frame in frames(folder / "skull" / "index.html")]
+    size = _WIDTH, round(_WIDTH * whole[0].height / whole[0].width)
+    first, *others = (frame.resize(size, Image.Resampling.LANCZOS) for frame in whole)
+    first.save(PICTURE, save_all=True, append_images=others, duration=_MILLISECONDS, loop=0, quality=72, method=6)
 
 
 if __name__ == "__main__":
