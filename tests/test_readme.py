@@ -146,6 +146,6 @@ def test_what_pages_import_is_there() -> None:
             assert hasattr(import_module(module), name.strip()), f"{page.name} imports {name} from {module}"
 
 
-@pytest.mark.parametrize("name", ["demo.png", "walls.png", "guide.png", "guided.png", "guided-counts.png"])
+@pytest.mark.parametrize("name", ["demo.webp", "walls.png", "guide.png", "guided.png", "guided-counts.png"])
 def test_the_pictures_are_small(name: str) -> None:
     assert (ROOT / "docs" / name).stat().st_size < 400_000

@@ -19,8 +19,9 @@ from persfs_cl.errors import InputError
 from persfs_cl.scenes.meshes import stanford_bunny
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.solver.energy.albedo import fit_albedo
-from persfs_cl.solver.energy.minimise import GAIN, Minimum, Stopping
+from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.regularised import Sought, regularised
+from persfs_cl.solver.schemes.regularised import Regularised
 
 WITHOUT, PAINTED, FITTED = "taken for plain", "painted", "paint found"
 
@@ -29,7 +30,7 @@ _CELL = 15
 """Pixels of a checker's edge."""
 _DARK, _LIGHT = 0.3, 0.9
 _NOISE = 0.005
-_STOPPING = Stopping(GAIN, "gain", max_iterations=100, callback=None)
+_STOPPING = Stopping(Regularised.tolerance, "distance", max_iterations=100, callback=None)
 
 
 def painted(plan: Plan) -> Iterator[list[Record]]:

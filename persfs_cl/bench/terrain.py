@@ -23,9 +23,10 @@ from persfs_cl.preparation.inpaint import harmonic
 from persfs_cl.scenes.meshes import stanford_bunny
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import Light
-from persfs_cl.solver.energy.minimise import GAIN, Minimum, Stopping
+from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.prior import Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
+from persfs_cl.solver.schemes.regularised import Regularised
 
 ERROR, ERROR_UNIT = "error", "% of the relief"
 ANGLE, ANGLE_UNIT = "angle of normals", "°"
@@ -49,8 +50,11 @@ _PRIOR_NOISE = 0.003
 _GUIDED_SIZE, _GUIDED_STEP, _GUIDE_NOISE = 270, 9, 0.02
 _ITERATIONS = 300
 _SIZES = (512, 1024)
-_BY_GAIN = Stopping(GAIN, "gain", _ITERATIONS, None)
-ENDINGS = {"gain 1e-3": _BY_GAIN, "distance 1e-3": Stopping(1e-3, "distance", _ITERATIONS, None)}
+ENDINGS = {
+    f"distance {tolerance:g}": Stopping(tolerance, "distance", _ITERATIONS, None)
+    for tolerance in (Regularised.tolerance, Regularised.tolerance / 2)
+}
+_BY_DEFAULT, _ = ENDINGS.values()
 
 
 @dataclass(frozen=True)
@@ -282,7 +286,7 @@ def _least(
     light: Light,
     mask: Mask | None,
     prior: Prior,
-    stopping: Stopping = _BY_GAIN,
+    stopping: Stopping = _BY_DEFAULT,
 ) -> Minimum:
     """The least energy."""
     sought = Sought(

@@ -33,7 +33,7 @@ _STEPS, _REDUCTION = 5, 0.3
 """Of the method of conjugate gradients for a step: how many at most, and the remainder that is small enough. More
 cost more than they gain: the directions made of them go on where they end, and the energy is not quadratic."""
 
-GAIN, _SPAN = 1e-3, 5
+_GAIN, _SPAN = 1e-3, 5
 """Share of the energy that it may fall by over so many iterations at the end; while it falls by more no distance is
 believed. Where each pixel brings about 1 to the energy, 1e-3 of it is what 5 % of the standard deviation of its depth
 makes."""
@@ -272,7 +272,7 @@ def _is_met(
     gained = energies[-1 - _SPAN] - energies[-1] if len(energies) > _SPAN else math.inf
     if stopping.bounds == "gain":
         return gained <= stopping.tolerance * energies[-1]
-    return gained <= GAIN * energies[-1] and estimated_distance(whole, rounding) <= stopping.tolerance
+    return gained <= _GAIN * energies[-1] and estimated_distance(whole, rounding) <= stopping.tolerance
 
 
 def estimated_distance(changes: Sequence[float], rounding: float) -> float:

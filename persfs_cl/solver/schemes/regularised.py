@@ -20,8 +20,8 @@ class Regularised(Scheme):
     name: ClassVar[str] = "regularised"
     boundaries: ClassVar[tuple[str, ...]] = ("wall",)
     by_energy: ClassVar[bool] = True
-    # A fifth of a percent of the depth is less than noise and prior leave open, and some pixels, most of them in shadow,
-    # still creep when all others have long arrived.
+    # A fifth of a percent of the depth is less than noise and prior leave open, and some pixels, most of them in
+    # shadow, still creep when all others have long arrived.
     tolerance: ClassVar[float] = 2e-3
     without: ClassVar[tuple[str, ...]] = (
         "boundary",
