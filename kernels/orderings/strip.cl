@@ -366,7 +366,8 @@ static inline __attribute__((always_inline)) int
 run_strip(__global real *log_depth, __global const real *brightness, const bounds within,
           __global const uchar *flags, const parameter_set *parameters, __global const real *column_table,
           __global const real *row_table,
-          __global volatile int *progress, __global volatile int *changed, __global real *drift, const int rows, const int stride,
+          __global volatile int *progress, __global volatile int *changed, __global real *drift, const int rows,
+          const int stride,
           const int first_row, const int first_column, const int height, const int width, const int leftwards,
           const int upwards, const int strip, const int first_block, const int done_before, const int patience,
           const int sweep, const real resting, const int alone)

@@ -73,8 +73,8 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
                 break;
             for (int sweep = 0; sweep < 4; ++sweep) {
                 run_sweep(z, brightness + begin, within, flags + begin, &numbers, column_table + image * 6 * stride,
-                          row_table + image * 3 * rows, last_changes, drifts, rows, stride, first_row, first_column, height,
-                          width, sweep & 1, sweep >> 1,
+                          row_table + image * 3 * rows, last_changes, drifts, rows, stride, first_row, first_column,
+                          height, width, sweep & 1, sweep >> 1,
                           FIRST_SWEEP + sweeps_before + 4 * (k - iteration) + sweep, resting);
                 for (int pass = 0; pass < 2; ++pass) {
                     const int2 part = part_of(counts, image, pass);

@@ -148,12 +148,12 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
                 __global const real *x = column_table + image * 6 * stride, *y = row_table + image * 3 * rows;
                 /* The flag as a constant, for two loops with straight addressing. */
                 if (direction & 1)
-                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, drifts, rows, stride,
-                                      first_row, first_column, height, width, 1, upwards, strip, first_block,
+                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, drifts, rows,
+                                      stride, first_row, first_column, height, width, 1, upwards, strip, first_block,
                                       done_before, patience, sweep, resting, 0);
                 else
-                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, drifts, rows, stride,
-                                      first_row, first_column, height, width, 0, upwards, strip, first_block,
+                    whole = run_strip(z, e, within, flags + begin, &numbers, x, y, done, last_changes, drifts, rows,
+                                      stride, first_row, first_column, height, width, 0, upwards, strip, first_block,
                                       done_before, patience, sweep, resting, 0);
             }
             if (whole)
