@@ -275,7 +275,7 @@ def test_the_tolerance_that_is_not_given_goes_by_scheme_and_stopping(device: ps.
         ended(stopping="gain")
     assert error.value.argument == "stopping"
     with pytest.raises(ps.ConvergenceError, match=r"Not converged after 2 iterations\. The iterations ran out"):
-        ended(scheme="regularised", max_iterations=2, throw=True)
+        ended(scheme="regularised", stopping="gain", max_iterations=2, throw=True)
 
 
 SCENES: dict[str, Callable[[], tuple[ps.Scene, dict[str, Any]]]] = {
