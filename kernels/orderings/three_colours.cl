@@ -40,7 +40,9 @@ __kernel void sweep(__global real *log_depth,          /* shape (images, rows, s
 #if RESTS
     const int across = 5 + (width - 1) / PART;
     __global volatile int *part = changed + (image * (height + 4) + 2 + row) * across + 2 + (int)get_group_id(0);
-    if (max(last_change_around(part, across), max(part[-2 * across], part[2 * across])) < third - 3)
+    /* Second order reads two cells away, which with parts of one cell are two parts. */
+    const int farther = max(max(part[-2], part[2]), max(part[-2 * across], part[2 * across]));
+    if (max(last_change_around(part, across), farther) < third - 3)
         return;
 #endif
     const parameter_set numbers = parameters[image];

@@ -260,8 +260,9 @@ def chosen_camera(
         typer.Option(
             "--distortion",
             metavar="K1,K2,P1,P2[,K3...]",
-            help="How the lens bends lines, by OpenCV's coefficients; fisheye:K1,K2,K3,K4 for a fisheye lens, fov:W "
-            "for COLMAP's FOV. The photo and all that goes with it are straightened.",
+            help="How the lens bends lines, by OpenCV's coefficients; fisheye:K1,K2,K3,K4 for a fisheye lens, with "
+            "four more numbers for its thin prism; fov:W for COLMAP's FOV, rad_tan_thin_prism_fisheye:... for that "
+            "model of COLMAP's. The photo and all that goes with it are straightened.",
             rich_help_panel=_CAMERA,
         ),
     ] = None,

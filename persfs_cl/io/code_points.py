@@ -26,7 +26,9 @@ _PRIMARIES: dict[int, tuple[str, tuple[float, ...]]] = {
     9: ("BT.2020", (0.708, 0.292, 1.0, 0.170, 0.797, 1.0, 0.131, 0.046, 1.0)),
     12: ("Display P3", (0.680, 0.320, 1.0, 0.265, 0.690, 1.0, 0.150, 0.060, 1.0)),
 }
-"""By their code: a name, and x, y and 1 of red, green and blue. Others are about those of sRGB."""
+"""By their code: a name, and x, y and 1 of red, green and blue."""
+_LIKE_SRGB = 1, 2, 4, 5, 6, 7, 22
+"""sRGB's own, those that are not told, and those of older television, which differ little."""
 _BOX = b"colrnclx"
 
 
@@ -68,7 +70,7 @@ def coded_space(path: Path, codes: CodePoints) -> ColourSpace | None:
     Warns
     -----
     UserWarning
-        When the curve is not known.
+        When the curve, or the primaries, are not known.
     """
     if codes.transfer not in _CURVES:
         warn(
@@ -77,6 +79,11 @@ def coded_space(path: Path, codes: CodePoints) -> ColourSpace | None:
         )
         return None
     curve, name, white = _CURVES[codes.transfer]
+    if codes.primaries not in {*_PRIMARIES, *_LIKE_SRGB}:
+        warn(
+            f"{path} says that its colours have the primaries {codes.primaries} of ITU-T H.273, which are not known "
+            "here, and they are taken for those of sRGB: save it in sRGB."
+        )
     where, primaries = _PRIMARIES.get(codes.primaries, ("", ()))
     if curve == "srgb" and not primaries:
         return None

@@ -122,9 +122,9 @@ class Iteration:
             ample = [max(_FREE_CORRECTIONS, sweeper.ordering.corrections * count) for count in done]
             limits = [min(pair) for pair in zip(limits, ample, strict=True)]
         self.variant = sweeper.variant
-        if sweeper.ordering.drifts:
-            self.resting = options["resting"]
-        stop.resting = self.resting
+        stop.resting = 0.0
+        if sweeper.ordering.drifts and not second_order:
+            stop.resting = self.resting = options["resting"]
         iterations = _Iterations(sweeper, limits, callback, max(done))
         ends = (_accelerate if accelerated else _iterate)(iterations, sweeper, stop)
         self.kernel_seconds += sweeper.kernel_seconds

@@ -90,8 +90,12 @@ def _count(name: str, value: Any) -> int:
     return as_whole_number(name, value, least=1, most=_MOST_ITERATIONS)
 
 
+def _change(name: str, value: Any) -> float:
+    return as_number(name, value, least=0.0)
+
+
 def _tolerance(name: str, value: Any) -> float | None:
-    return None if value is None else as_number(name, value, least=0.0)
+    return None if value is None else _change(name, value)
 
 
 def _slope(name: str, value: Any) -> float | None:
@@ -274,7 +278,7 @@ class Options(TypedDict, total=False):
         float,
         Option(
             0.0,
-            _tolerance,
+            _change,
             "For upwind: blocks of pixels rest while ln depth in and around them has changed by no more than this "
             "since they were swept. 0 changes nothing.",
         ),
@@ -424,6 +428,7 @@ def default_tolerance(scheme: str, stopping: Stopping) -> float:
     """What the tolerance is when none is given."""
     if stopping == "gain":
         return _LEAST_GAIN
+    # "auto" never is the scheme of an energy.
     return SCHEMES[scheme].tolerance if scheme in SCHEMES else Scheme.tolerance
 
 

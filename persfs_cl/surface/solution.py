@@ -57,9 +57,9 @@ class Solution(Outcome):
         What became of the guide, see :class:`GuideFit <persfs_cl.guide.fit.GuideFit>`; None without one, and where the
         run was ended before it was used. Then `iterations` and `changes` are of all runs, `distance` of the last.
     taken_by : Taken or None
-        Camera and (height, width) of the image that was given, where its lens bends lines, and of the photo, where the
-        command or :func:`persfs_cl.batch` has read one, see :class:`Taken <persfs_cl.surface.outcome.Taken>`; None
-        where the solution has the pixels and the camera that were given.
+        Camera and (height, width) of the photo that the command or :func:`persfs_cl.batch` has read, see
+        :class:`Taken <persfs_cl.surface.outcome.Taken>`; by :func:`persfs_cl.reconstruct` those of the image that was
+        given, where its lens bends lines, else None.
 
     Examples
     --------
@@ -164,7 +164,8 @@ class Solution(Outcome):
         Examples
         --------
         >>> from pathlib import Path
-        >>>         >>> import persfs_cl as ps
+        >>> from tempfile import TemporaryDirectory
+        >>> import persfs_cl as ps
         >>> scene = ps.bump((20, 20), light=ps.FlashLight())
         >>> solution = ps.reconstruct(scene.image, scene.camera, light=scene.light)
         >>> with TemporaryDirectory() as folder:

@@ -48,7 +48,7 @@ class Scheme(ABC):
     by_energy : bool
         Whether it minimises an energy, see :mod:`persfs_cl.solver.energy`, and sweeps nothing.
     tolerance : float
-        Of the distance from its limit, when none is given.
+        Bound of the distance from its limit when none is given; `stopping="gain"` has its own.
     without : tuple of str
         Keywords that mean nothing to it. A value is refused that is not the default, which commands give anyway.
     why_without : str
