@@ -31,6 +31,9 @@ _QUEUE_SECONDS = 0.03
 _MARGIN = 2.0
 """Of the estimated distance, by which mixtures may have come out too low."""
 
+_DITHER = 2.0
+"""By how many spacings of the numbers about 1 values go up and down that have arrived."""
+
 _STEP = math.sqrt(0.5)
 """From one threshold of the change to the next: some iterations too many at most, and few waits."""
 
@@ -99,7 +102,7 @@ class Iteration:
         if not places:
             return
         began = time.perf_counter()
-        stop = _Stop(options)
+        stop = _Stop(options, dithers=second_order and not only_lower)
         sweeper = Sweeper(
             device,
             [self.images[place] for place in places],
@@ -112,7 +115,7 @@ class Iteration:
             only_lower=only_lower,
             # Mixtures change values between the sweeps.
             rests=not accelerated,
-            resting=0.0 if second_order else options["resting"],
+            resting=options["resting"],
         )
         self.build_seconds += time.perf_counter() - began
         done = [len(self.changes[place]) for place in places]
@@ -122,8 +125,7 @@ class Iteration:
             ample = [max(_FREE_CORRECTIONS, sweeper.ordering.corrections * count) for count in done]
             limits = [min(pair) for pair in zip(limits, ample, strict=True)]
         self.variant = sweeper.variant
-        stop.resting = 0.0
-        if sweeper.ordering.drifts and not second_order:
+        if sweeper.ordering.drifts:
             stop.resting = self.resting = options["resting"]
         iterations = _Iterations(sweeper, limits, callback, max(done))
         ends = (_accelerate if accelerated else _iterate)(iterations, sweeper, stop)
@@ -195,13 +197,15 @@ class _Stop:
 
     An image rests on the device once its change meets a threshold, and goes on at a lower one if its distance is not
     small enough then. So all that is decided of an image depends on its own changes, whatever shares its launches, and
-    iterations may be queued many at a time.
+    iterations may be queued many at a time. Values that may rise as well as fall dither in the end, by rounding: then
+    they have arrived.
     """
 
-    def __init__(self, options: Options) -> None:
-        self.tolerance = tolerance_of(options)
+    def __init__(self, options: Options, *, dithers: bool) -> None:
         self._by_distance = options["stopping"] == "distance"
         self.rounding = float(np.finfo(options["precision"]).eps)
+        self._nothing = _DITHER * self.rounding if dithers else 0.0
+        self.tolerance = max(tolerance_of(options), self._nothing)
         self.resting = 0.0
 
     def distance(self, changes: Sequence[float]) -> float:
@@ -210,7 +214,7 @@ class _Stop:
 
     def met(self, changes: Sequence[float]) -> bool:
         """Whether an image has converged that rests."""
-        return not self._by_distance or changes[-1] == 0.0 or self.distance(changes) <= self.tolerance
+        return not self._by_distance or changes[-1] <= self._nothing or self.distance(changes) <= self.tolerance
 
     def lower(self, threshold: float, change: float) -> float:
         """The next threshold below a change that was not small enough."""

@@ -279,8 +279,8 @@ class Options(TypedDict, total=False):
         Option(
             0.0,
             _change,
-            "For upwind: blocks of pixels rest while ln depth in and around them has changed by no more than this "
-            "since they were swept. 0 changes nothing.",
+            "For upwind, by the wavefront: blocks of pixels rest while ln depth in and around them has changed by no "
+            "more than this since they were swept. 0 changes nothing.",
         ),
     ]
     acceleration: Annotated[
@@ -406,12 +406,19 @@ def complete(given: Options) -> Options:
             f"with {keyword('scheme', scheme.name)}: it creeps to its limit by such small changes. Use "
             f"{keyword('resting', 0)}, or {keyword('scheme', 'upwind')}.",
         )
-    if resting > 0.0 and options["ordering"] == "lexicographic":
+    if resting > 0.0 and options["ordering"] != "wavefront":
         raise InputError.about(
             "resting",
             resting,
-            f"with {keyword('ordering', 'lexicographic')}: it computes every pixel in every sweep. Use "
-            f"{keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
+            f"with {keyword('ordering', options['ordering'])}: only in the wavefront's is the distance from the limit "
+            f"bounded. Use {keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
+        )
+    if resting > 0.0 and options["accuracy_order"] > 1:
+        raise InputError.about(
+            "resting",
+            resting,
+            f"with {keyword('accuracy_order', 2)}: it would correct what is not at rest. Use {keyword('resting', 0)}, "
+            f"or {keyword('accuracy_order', 1)}.",
         )
     if resting > most_resting:
         raise InputError.about(

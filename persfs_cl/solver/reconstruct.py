@@ -151,13 +151,12 @@ def reconstruct(
         shadow; :attr:`Solution.distance` says how far. For "regularised" all three are of its descent on the finest
         grid.
     resting : float
-        For the upwind scheme: blocks of pixels are left alone as long as no value in and next to them has changed by
-        more than this, all told, since they were swept. Then no sweep would change any value by more than this, and
-        :attr:`Solution.distance` counts it. At most a tenth of the tolerance, for noise that large spares up to a sixth
-        of the work. 0 leaves alone only what cannot change, so that the values are the same as without; else they
-        differ a little with the device too. Where the sweeps are those for GPUs it counts as 0;
-        `parameters["resting"]` of the :class:`Solution` says which it was. Corrections to second order take it as 0
-        too.
+        For the upwind scheme at first order, by the wavefront: blocks of pixels are left alone as long as no value in
+        and next to them has changed by more than this, all told, since they were swept. Then no sweep would change any
+        value by more than this, and :attr:`Solution.distance` counts it. At most a tenth of the tolerance, for noise
+        that large spares up to a sixth of the work. 0 leaves alone only what cannot change, so that the values are the
+        same as without; else they differ a little with the device too. Where the sweeps are those for GPUs it counts as
+        0; `parameters["resting"]` of the :class:`Solution` says which it was.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.

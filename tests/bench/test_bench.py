@@ -305,6 +305,7 @@ def test_without_the_scanned_object_it_is_said_where_it_comes_from(
     assert len(records) == 1 + 2 * len([*accuracy.PHOTOGRAPHS, accuracy.FILTERED])
 
 
+@pytest.mark.thorough
 def test_experiments_in_processes_of_their_own(
     device: ps.Device, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,6 +15,7 @@ from persfs_cl.bench.tables import contents
 from persfs_cl.environment import environment
 
 
+@pytest.mark.thorough
 def test_what_is_sought_is_told_in_a_row(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     def missing() -> Path:
         raise ps.InputError("get the bunny")

@@ -25,6 +25,7 @@ def two_balls() -> Any:
     return trimesh.util.concatenate([near, far])
 
 
+@pytest.mark.thorough
 def test_what_guides_are_worth_is_told_in_two_tables(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     def missing() -> Path:
         raise ps.InputError("get the head")

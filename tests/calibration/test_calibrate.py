@@ -307,6 +307,7 @@ def test_what_is_saturated_tells_nothing(tmp_path: Path) -> None:
         ps.calibrate([(photo, known)], CAMERA)
 
 
+@pytest.mark.thorough
 def test_large_photos_are_reduced() -> None:
     light = ps.FlashLight(gain=0.8, offset=(0.1, 0.0, 0.0))
     large = ps.bump((260, 300), light=light, surface="toward", relief=0.4, focal_length=300.0, noise=0.02)

@@ -106,6 +106,12 @@ def test_a_curve_that_is_not_known_is_warned_of(tmp_path: Path) -> None:
         assert read_photo(tmp_path / "a.avif").encoding == "srgb"
 
 
+def test_primaries_that_are_not_known_are_warned_of(tmp_path: Path) -> None:
+    (tmp_path / "a.avif").write_bytes(avif(np.full((*SHAPE, 3), 2000, np.uint16), 11, 13))
+    with pytest.warns(UserWarning, match=r"a\.avif says that its colours have the primaries 11 of ITU-T H\.273"):
+        assert read_photo(tmp_path / "a.avif").encoding == "srgb"
+
+
 def test_codes_are_found_in_their_box_alone() -> None:
     assert code_points_in(b"colrnclx\0\x09\0\x10") == CodePoints(9, 16)
     for data in (b"", b"colrnclx\0", b"colrprof\0\x09\0\x10"):

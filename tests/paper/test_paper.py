@@ -81,6 +81,7 @@ def of_markdown(text: str) -> list[list[str]]:
     return [header, *lines]
 
 
+@pytest.mark.thorough
 def test_quick_form_writes_tables(quick: Path) -> None:
     names = {path.name for path in quick.iterdir()}
     assert names >= {"tables.md", "table1-me.csv", "table2-rs.csv", "sensitivity.csv", "stopping.csv"}
@@ -95,6 +96,7 @@ def test_quick_form_writes_pictures(quick: Path) -> None:
         assert np.ptp(picture) > 200
 
 
+@pytest.mark.thorough
 def test_markdown_holds_what_the_csv_files_hold(quick: Path) -> None:
     tables = marked((quick / "tables.md").read_text(encoding="utf-8"))
     assert "OpenCL" in tables.pop("environment")
@@ -103,6 +105,7 @@ def test_markdown_holds_what_the_csv_files_hold(quick: Path) -> None:
         assert of_markdown(text) == rows(quick / f"{name}.csv"), name
 
 
+@pytest.mark.thorough
 def test_ours_ends_below_the_printed_errors_on_the_vase(quick: Path) -> None:
     for name, limit in (("table1-me", 0.0272), ("table1-rs", 0.0559)):
         found = cells(rows(quick / f"{name}.csv"))
@@ -111,6 +114,7 @@ def test_ours_ends_below_the_printed_errors_on_the_vase(quick: Path) -> None:
         assert float(found["30", "here, upwind"]) < limit
 
 
+@pytest.mark.thorough
 def test_the_page_holds_the_numbers_of_the_command(quick: Path) -> None:
     published = marked(PAGE)
     compared = 0

@@ -97,6 +97,7 @@ def test_materials_under_a_flash_are_found_and_wrong_ones_seen(device: Device) -
             assert other == true or errors[taken("flash", true, other)] >= 20.0 * right
 
 
+@pytest.mark.quick_where(holds=lambda parameters: parameters["light"] in ("oblique, toward", "frontal, away"))
 @pytest.mark.parametrize(
     ("material", "light", "factor"),
     [

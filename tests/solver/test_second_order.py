@@ -92,6 +92,13 @@ def test_images_of_a_batch_are_corrected_each_for_itself(device: ps.Device) -> N
         assert solution.iterations == alone.iterations
 
 
+def test_a_tolerance_below_rounding_costs_no_order(device: ps.Device) -> None:
+    """Corrected values go up and down by rounding in the end, by more than such a tolerance."""
+    scene = hillside(160)
+    as_usual, tight = (solved(scene, device, tolerance=tolerance) for tolerance in (1e-5, 1e-8))
+    assert np.abs(tight.log_depth - as_usual.log_depth).max() < 1e-5
+
+
 def test_a_run_ended_at_first_order_is_not_corrected(device: ps.Device) -> None:
     scene = hillside(41)
     keywords = {"light": scene.light, "device": device, "max_iterations": 1}

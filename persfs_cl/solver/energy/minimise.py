@@ -260,7 +260,9 @@ def _descend(
             break
     if finest or status is Status.STOPPED:
         found.status, found.energies = status, energies
-        found.distance = estimated_distance(whole, rounding) if math.isnan(left) else left
+        # Where nothing changes any more, the changes before it tell nothing.
+        estimate = distance_to_limit if whole and whole[-1] == 0.0 else estimated_distance
+        found.distance = estimate(whole, rounding) if math.isnan(left) else left
 
 
 def _is_met(
