@@ -25,7 +25,7 @@ help:
 	@echo "make lint     check style, types and which module imports which"
 	@echo "make docs     build the handbook, in .cache/site"
 	@echo "make notebook  run the handbook's notebook, and keep what it shows"
-	@echo "make gallery  make the surfaces and the pictures of docs/gallery.md"
+	@echo "make gallery  make the surfaces and the pictures of docs/gallery.md (NAMES=coin)"
 	@echo "make bench    measure speed and accuracy; the results go to bench-output/"
 	@echo "make paper    do the paper's experiments again; the results go to paper-output/"
 	@echo "make release  build the files of a release, and try them with every Python that is here"
@@ -72,7 +72,7 @@ notebook: $(INSTALLED)
 	$(BIN)/python docs/site/run_notebook.py docs/notebooks/first-steps.ipynb
 
 gallery: $(INSTALLED)
-	$(BIN)/python docs/site/gallery.py
+	$(BIN)/python docs/site/gallery.py $(NAMES)
 
 bench: $(YARDSTICKS)
 	$(BIN)/persfs-cl bench

@@ -120,9 +120,10 @@ def main(names: list[str]) -> None:
     """Make the pictures, and put the figures between the markers of the page."""
     from PIL import Image
 
-    for entry in entries(PAGE.read_text(encoding="utf-8")):
-        if names and entry.name not in names:
-            continue
+    known = {entry.name: entry for entry in entries(PAGE.read_text(encoding="utf-8"))}
+    if unknown := [name for name in names if name not in known]:
+        raise SystemExit(f"No subject of the gallery is named {unknown[0]!r}: there are {', '.join(known)}.")
+    for entry in (known[name] for name in names or known):
         with tempfile.TemporaryDirectory() as folder:
             found = make(entry, Path(folder))
             target = PAGE.parent / "gallery" / f"{entry.name}.jpg"
