@@ -66,7 +66,7 @@ def _of_batch(plan: Plan) -> list[Record]:
     with tempfile.TemporaryDirectory(prefix="persfs-cl-") as place:
         taken = take(plan.device, count, size, _MEMORY, Path(place), plan.precision)
     records = []
-    # Of the first half, the process has not seen the large one yet.
+    # By half of the tiny ones the large one, which comes last, has hardly been read.
     for workload, said, peak, images, pixels in (
         (half, _MEMORY, taken.half, count // 2, 0),
         (whole, taken.said, taken.whole, count + 1, size),
@@ -90,7 +90,7 @@ def _common(plan: Plan, size: int) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Taken:
+class Peaks:
     """What a batch took.
 
     Attributes
@@ -107,7 +107,7 @@ class Taken:
     whole: int
 
 
-def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, precision: Precision = "float32") -> Taken:
+def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, precision: Precision = "float32") -> Peaks:
     """Run a batch of tiny photographs and a large one, which comes last, on one device.
 
     Parameters
@@ -144,9 +144,9 @@ def take(device: ps.Device, tiny: int, side: int, memory: int, folder: Path, pre
         if result.error is not None:
             raise result.error
         if number in (1, tiny // 2, tiny + 1):
-            peaks[number] = max(peaks_of_workers().values(), default=0)
+            peaks[number] = max(peaks_of_workers().values())
     said = max(memory, bytes_for(side**2, Saving.of(_SAVE)))
-    return Taken(said, peaks[1], peaks[tiny // 2], peaks[tiny + 1])
+    return Peaks(said, peaks[1], peaks[tiny // 2], peaks[tiny + 1])
 
 
 def _write(folder: Path, tiny: int, side: int) -> None:

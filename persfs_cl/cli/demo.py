@@ -93,8 +93,8 @@ A modelled skull, a real photograph by the camera's flash, 320 x 280 pixels: {re
   The same by hand:
     persfs-cl reconstruct {shlex.quote(str(photo))} -o skull \\
       --mask {shlex.quote(str(mask))} --mask-erode {_SKULL_ERODED} \\
-      --focal-length {_SKULL_FOCAL_LENGTH:g} --principal-point {",".join(format(part, "g") for part in _SKULL_POINT)} \\
-      --light flash --lamp {",".join(format(part, "g") for part in _SKULL_LAMP)} \\
+      --focal-length {_SKULL_FOCAL_LENGTH:g} --principal-point {_listed(_SKULL_POINT)} \\
+      --light flash --lamp {_listed(_SKULL_LAMP)} \\
       --tone-exponent {_SKULL_BRIGHTNESS.tone_exponent:g}
 
 What one photograph cannot tell was assumed: that the skull is matt and of one colour, though it shines a little and its
@@ -103,3 +103,7 @@ too shallow; and that the surface goes on behind brows and jaw, where it jumps. 
 the surface explains the photograph, not whether it is the right one.
 
 Open {folder / "index.html"} in a browser to turn the skull with the mouse.""")
+
+
+def _listed(numbers: tuple[float, ...]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)

@@ -394,26 +394,35 @@ def complete(given: Options) -> Options:
             f"with {keyword('scheme', scheme.name)}: only the regularised scheme has an energy to gain. Use "
             f"{keyword('stopping', 'distance')}, or {keyword('scheme', 'regularised')}.",
         )
-    slope = options["max_slope"]
     options["scheme"], options["boundary"] = scheme.name, boundary
     if options["tolerance"] is None:
         options["tolerance"] = default_tolerance(scheme.name, options["stopping"])
+    _require_rest(options, scheme)
+    if options["max_slope"] is None:
+        options["max_slope"] = scheme.max_slope(light)
+    return options
+
+
+def _require_rest(options: Options, scheme: Scheme) -> None:
+    """Refuse that blocks rest early where that gains nothing, or where nobody knows what it costs."""
     resting, most_resting = options["resting"], _MOST_RESTING * tolerance_of(options)
-    if resting > 0.0 and not scheme.settles:
+    if resting == 0.0:
+        return
+    if not scheme.settles:
         raise InputError.about(
             "resting",
             resting,
             f"with {keyword('scheme', scheme.name)}: it creeps to its limit by such small changes. Use "
             f"{keyword('resting', 0)}, or {keyword('scheme', 'upwind')}.",
         )
-    if resting > 0.0 and options["ordering"] != "wavefront":
+    if options["ordering"] != "wavefront":
         raise InputError.about(
             "resting",
             resting,
             f"with {keyword('ordering', options['ordering'])}: only in the wavefront's is the distance from the limit "
             f"bounded. Use {keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
         )
-    if resting > 0.0 and options["accuracy_order"] > 1:
+    if options["accuracy_order"] > 1:
         raise InputError.about(
             "resting",
             resting,
@@ -427,8 +436,6 @@ def complete(given: Options) -> Options:
             f"with {keyword('tolerance', tolerance_of(options))}: blocks would rest too far from the limit. Give at "
             f"most a tenth of the tolerance, {most_resting:g}.",
         )
-    options["max_slope"] = scheme.max_slope(light) if slope is None else slope
-    return options
 
 
 def default_tolerance(scheme: str, stopping: Stopping) -> float:

@@ -321,7 +321,7 @@ def test_experiments_in_processes_of_their_own(
     # What another process would have to compile first.
     monkeypatch.setattr(fresh, "run_fresh", here)
     # The batch itself is run in tests/pipeline/test_room.py.
-    monkeypatch.setattr(memory, "take", lambda *_: memory.Taken(2**29, 2**27, 2**28, 2**29))
+    monkeypatch.setattr(memory, "take", lambda *_: memory.Peaks(2**29, 2**27, 2**28, 2**29))
     sizes, rooms = memory.memory(replace(plan, tasks=20))
     by_quantity = {record.quantity: record.median or 0.0 for record in sizes}
     assert by_quantity["peak memory"] >= by_quantity["before the image"] > 10

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 import pyopencl as cl
@@ -13,25 +13,16 @@ from numpy.typing import NDArray
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings.account import first_account
-from persfs_cl._cl.orderings.ordering import ROW_GROUP, Ordering, Setup, in_row_groups
+from persfs_cl._cl.orderings.ordering import InRowGroups, in_row_groups
 from persfs_cl._cl.run import Run
 
 _BEFORE, _WHOLE_ROW = 2, 2**30
 """As in the kernel: the number of a half-sweep before the first one; and more vectors than any row has."""
 
-Self = TypeVar("Self", bound="Checkerboard")
-
 
 @dataclass(frozen=True)
-class Checkerboard(Ordering):
-    """All cells of a colour, then all of the other.
-
-    Attributes
-    ----------
-    group : int
-        Work-items of a group, of which each takes a cell, and cells of a part of a row that rests by itself. Vectors
-        are all of one item, and so are the rows.
-    """
+class Checkerboard(InRowGroups):
+    """All cells of a colour, then all of the other."""
 
     file: ClassVar[str] = "checkerboard"
     coloured: ClassVar[bool] = True
@@ -40,14 +31,6 @@ class Checkerboard(Ordering):
     reason: ClassVar[str] = "All cells of a colour at a time, a work-item each, which suits a GPU."
     for_want_of_vectors: ClassVar[bool] = True
     numbers_a_sweep: ClassVar[int] = 2
-
-    group: int = ROW_GROUP
-
-    @classmethod
-    def of(cls: type[Self], setup: Setup) -> Self:
-        """With groups as large as the device allows."""
-        group = min(ROW_GROUP, setup.device.largest_group)
-        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=group)
 
     @property
     def kernels(self) -> tuple[str, ...]:

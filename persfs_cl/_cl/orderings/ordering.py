@@ -23,6 +23,7 @@ ROW_GROUP = 64
 """Neighbouring cells of a row that a work-group takes, where each work-item takes its own, if a device allows it."""
 
 Self = TypeVar("Self", bound="Ordering")
+Grouped = TypeVar("Grouped", bound="InRowGroups")
 
 
 def in_row_groups(group: int, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -196,3 +197,23 @@ class Ordering:
     def _sizes(self) -> tuple[str, ...]:
         """The sizes that are its own, in words."""
         return ()
+
+
+@dataclass(frozen=True)
+class InRowGroups(Ordering):
+    """An ordering of which each work-item takes a cell, and a work-group neighbouring cells of a row.
+
+    Attributes
+    ----------
+    group : int
+        Work-items of a group, and cells of a part of a row that rests by itself. Vectors are all of one item, and so
+        are the rows.
+    """
+
+    group: int = ROW_GROUP
+
+    @classmethod
+    def of(cls: type[Grouped], setup: Setup) -> Grouped:
+        """With groups as large as the device allows."""
+        group = min(ROW_GROUP, setup.device.largest_group)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=group)

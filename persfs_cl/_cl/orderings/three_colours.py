@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 import pyopencl as cl
@@ -13,24 +13,16 @@ from numpy.typing import NDArray
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings.account import first_account
-from persfs_cl._cl.orderings.ordering import ROW_GROUP, Ordering, Setup, in_row_groups
+from persfs_cl._cl.orderings.ordering import InRowGroups, in_row_groups
 from persfs_cl._cl.run import Run
 
 _BEFORE, _REACH = 3, 2
 """As in the kernel: the number of a third of a sweep before the first one, and parts around the image."""
 
-Self = TypeVar("Self", bound="ThreeColours")
-
 
 @dataclass(frozen=True)
-class ThreeColours(Ordering):
-    """All cells of a colour, then all of the next.
-
-    Attributes
-    ----------
-    group : int
-        Work-items of a group, and cells of a part of a row that rests by itself.
-    """
+class ThreeColours(InRowGroups):
+    """All cells of a colour, then all of the next."""
 
     file: ClassVar[str] = "three_colours"
     coloured: ClassVar[bool] = True
@@ -43,14 +35,6 @@ class ThreeColours(Ordering):
     )
     before: ClassVar[tuple[str, ...]] = ("update", "cell", "account")
     numbers_a_sweep: ClassVar[int] = 3
-
-    group: int = ROW_GROUP
-
-    @classmethod
-    def of(cls: type[Self], setup: Setup) -> Self:
-        """With groups as large as the device allows."""
-        group = min(ROW_GROUP, setup.device.largest_group)
-        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=group)
 
     @property
     def definitions(self) -> dict[str, int]:
