@@ -23,12 +23,13 @@ from problems import (
     sweeper,
 )
 
-from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight
+from persfs_cl import Device, DeviceError, FlashLight, OrenNayar, ParallelLight, bump, reconstruct
+from persfs_cl._cl.kernel import Kernel, in_row_groups
 from persfs_cl._cl.orderings import checkerboard_bands
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
 from persfs_cl._cl.orderings.lexicographic import Lexicographic
-from persfs_cl._cl.orderings.ordering import Ordering, in_row_groups
+from persfs_cl._cl.orderings.ordering import Ordering
 from persfs_cl._cl.orderings.strips import Strips
 from persfs_cl._cl.orderings.three_colours import ThreeColours
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
@@ -799,8 +800,38 @@ def test_the_library_is_given_no_vectors(name: str) -> None:
     assert not re.search(r"\b(convert_|vload|vstore|native_|half_\w+\()", code)
 
 
+SCHEMES: dict[str, dict[str, Any]] = {
+    "upwind": {},
+    "second order": {"accuracy_order": 2},
+    "upwind, checkerboard": {"ordering": "checkerboard"},
+    "accelerated": {"scheme": "lax-friedrichs"},
+    "guided": {"guide": np.full((3, 4), 1.0)},
+    "regularised": {"scheme": "regularised"},
+}
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_groups_are_of_one_size_for_images_of_all_sizes(
+    device: Device, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drivers for processors compile a kernel anew for each, which takes longer than a photograph."""
+    groups: dict[str, set[tuple[int, ...] | None]] = {}
+    launch = Kernel.launch
+
+    def noted(kernel: Kernel, device: Device, size: Any, group: Any, values: Any) -> cl.Event:
+        groups.setdefault(kernel._where, set()).add(group)
+        return launch(kernel, device, size, group, values)
+
+    monkeypatch.setattr(Kernel, "launch", noted)
+    for shape in ((21, 30), (34, 75)):
+        scene = bump(shape, light=FlashLight())
+        reconstruct(scene.image, scene.camera, light=scene.light, device=device, **SCHEMES[name]).render()
+    assert len(groups) > 1
+    assert {where: len(sizes) for where, sizes in groups.items()} == dict.fromkeys(groups, 1)
+    assert all(None not in sizes for sizes in groups.values())
+
+
 def test_rows_of_all_lengths_are_taken_by_groups_of_one_size() -> None:
-    """PoCL compiles a kernel anew for each size of a group."""
     sizes, groups = zip(*(in_row_groups(64, width, 3, 2) for width in (2, 63, 64, 65, 1000)), strict=True)
     assert len(set(groups)) == 1
     assert [size[1:] for size in sizes] == [(3, 2)] * 5
