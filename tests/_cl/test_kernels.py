@@ -108,7 +108,13 @@ def quickly_compared(parameters: Mapping[str, Any]) -> bool:
     name, last = parameters["name"], shapes_for_the_reference(parameters["name"])[-1]
     by_lines = [*LAX_FRIEDRICHS, "upwind oblique toward", "upwind flash"]
     shown = parameters["shape"] == last or (name in by_lines and name not in OTHER_MATERIALS)
-    return shown and in_turn(parameters) and parameters["ordering"] == compared_with_the_reference(name)[-1]
+    # The slowest: the lamp and the rough surface each have a test.
+    return (
+        shown
+        and name != "upwind lamp beside a rough surface"
+        and in_turn(parameters)
+        and parameters["ordering"] == compared_with_the_reference(name)[-1]
+    )
 
 
 @pytest.mark.quick_where(holds=quickly_compared)
@@ -342,7 +348,8 @@ def test_every_variant_gives_the_bits_of_lexicographic_by_any_kernels(
 @pytest.mark.parametrize(
     "ordering",
     [
-        TILES,
+        # Which take their cells from the lexicographic order.
+        pytest.param(TILES, marks=thorough),
         # Which share their loop with strips.
         *(pytest.param(IMAGES[vectors, 3], marks=thorough) for vectors in (1, 3)),
         *(STRIPS[1, groups] for groups in (1, 2, 3, 4)),
@@ -395,7 +402,7 @@ def rests_quickly(parameters: Mapping[str, Any]) -> bool:
     An account of changes does not know by which kernels they came. By each ordering in single precision, under a
     parallel light and a flash; all else by one ordering.
     """
-    by_each = parameters["name"] in ("upwind frontal away", "upwind oblique toward", "upwind flash", "oblique away")
+    by_each = parameters["name"] in ("upwind frontal away", "upwind oblique toward", "upwind flash")
     by_each &= parameters["precision"] == "float32"
     return one_material_in_turn(parameters) and (by_each or isinstance(parameters["ordering"], WavefrontStrips))
 
@@ -432,6 +439,8 @@ def test_what_rests_has_the_bits_of_what_is_swept_again(
         np.testing.assert_array_equal(records[0][1], records[1][1])
 
 
+# The account does not know which way values go.
+@pytest.mark.quick_where(holds=lambda given: given["only_lower"] == isinstance(given["ordering"], ThreeColours))
 @pytest.mark.parametrize("ordering", [STRIPS[1, 2], ThreeColours(group=8)], ids=lambda ordering: ordering.file)
 @pytest.mark.parametrize("only_lower", [False, True])
 def test_what_rests_has_the_bits_of_what_is_swept_again_at_second_order(
@@ -489,9 +498,8 @@ def test_an_account_is_kept_where_it_pays(device: Device) -> None:
 
 
 @pytest.mark.quick_where(
-    holds=lambda parameters: parameters["name"] == "upwind flash" or parameters["ordering"] == BANDS[1]
+    holds=lambda parameters: parameters["name"] == "upwind flash" and parameters["ordering"] == STRIPS[1, 2]
 )
-@pytest.mark.quick_where(holds=lambda parameters: parameters["name"] != "upwind oblique toward")
 @pytest.mark.parametrize("ordering", [STRIPS[1, 2], IMAGES[1, 1], BANDS[1]], ids=lambda ordering: ordering.file)
 @pytest.mark.parametrize("name", ["upwind frontal away", "upwind oblique toward", "upwind flash"])
 def test_what_rests_is_within_so_much_of_what_the_reference_makes_of_it(

@@ -155,7 +155,7 @@ def test_without_a_white_level_each_photo_has_its_own() -> None:
 
 
 @pytest.mark.usefixtures("lexicographic_wavefront")
-@pytest.mark.parametrize("truth", ["map", "points"])
+@pytest.mark.parametrize("truth", ["map", pytest.param("points", marks=pytest.mark.thorough)])
 def test_roughness_is_found(truth: str) -> None:
     rough = ps.OrenNayar(0.5)
     white = brightest(NEAR, light=ps.FlashLight(), reflectance=rough)
@@ -217,7 +217,7 @@ def test_a_map_with_few_depths_counts_as_points() -> None:
     assert calibration.after.brightness is None
 
 
-@pytest.mark.parametrize("unit", [1e-3, 500.0])
+@pytest.mark.parametrize("unit", [1e-3, pytest.param(500.0, marks=pytest.mark.thorough)])
 def test_depth_may_be_in_any_unit(unit: float) -> None:
     light = ps.FlashLight(gain=0.5 * unit**2, offset=(0.1 * unit, 0.0, 0.0))
     known = points(unit * NEAR, 60, 0, noise=0.003)
@@ -229,7 +229,7 @@ def test_depth_may_be_in_any_unit(unit: float) -> None:
     assert calibration.after.depth < 0.01
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.003, 0.01])
+@pytest.mark.parametrize("noise", [0.0, *(pytest.param(noise, marks=pytest.mark.thorough) for noise in (0.003, 0.01))])
 def test_points_do_not_tell_the_lamp_forwards_from_the_gain(noise: float) -> None:
     light = ps.FlashLight(gain=0.5, offset=(0.1, 0.0, 0.0))
     photo = ps.render(NEAR, CAMERA, light=light)
