@@ -300,6 +300,8 @@ IN_ONE_PRECISION: dict[Ordering, str] = {
     Checkerboard(2): "",
     Checkerboard(4): "",
     Checkerboard(8): "float32",
+    BANDS[0]: "float32",
+    BANDS[3]: "float32",
     NARROW_BANDS[0]: "float32",
     NARROW_BANDS[1]: "",
 }

@@ -121,6 +121,7 @@ def test_relief_wears_its_photograph_and_is_turned_by_the_address(browser: Brows
         assert (np.abs(seen[turn] - seen["0,0"]).max(axis=-1) > 40).mean() > 0.1
 
 
+@pytest.mark.thorough
 def test_mouse_turns_and_double_click_takes_it_back(browser: Browser, folder: Path) -> None:
     browser.visit(folder / "index.html", view_of(ODD))
     browser.drawn()

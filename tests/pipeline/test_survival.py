@@ -55,6 +55,7 @@ def kill_at_random(out: Path, kills: int, script: str, *arguments: str) -> None:
     assert sum(times_done(out).values()) > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("in_this_process")
 def test_killed_at_random_moments_and_run_to_the_end(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
