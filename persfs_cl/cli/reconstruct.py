@@ -42,13 +42,16 @@ from persfs_cl.cli.output import (
     SolidOption,
     WidthOption,
     check_folder,
+    check_inputs,
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
+from persfs_cl.io.account import superseded
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.plan import sources
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -77,7 +80,7 @@ def reconstruct(
     ],
     *,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace earlier results in a folder that is not empty.")
+        bool, typer.Option("--overwrite", help="Replace an earlier run's results; files that are of none stay.")
     ] = False,
     camera: CameraChoice,
     light: Light,
@@ -147,6 +150,8 @@ def reconstruct(
         size=size,
     )
     check_folder(output, overwrite=overwrite)
+    inputs = tuple(sources(job).values())
+    check_inputs(output, saving, inputs)
     keep_freed_memory()
     tolerance, stopping = keywords["tolerance"], keywords["stopping"]
     if tolerance is None:
@@ -158,27 +163,28 @@ def reconstruct(
             show(iteration, change)
             return interrupted()
 
-        inputs = read_job(job)
-        if threads_for(inputs.photo.image.size) > 1:
+        read = read_job(job)
+        if threads_for(read.photo.image.size) > 1:
             Thread(target=load_libraries, args=(saving,)).start()
-        result = solve(prepare(inputs), after_iteration)
+        result = solve(prepare(read), after_iteration)
         stopped = interrupted()
     try:
         with writing():
-            files = write(result, output, saving, threads=threads_for(result.solution.depth.size))
+            files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)
     except KeyboardInterrupt:
         stopped = True
         saving = saving.without("pictures", "page")
         if not saving.files:
             raise
-        earlier = " Those in the folder are of an earlier run." if any(output.glob("*.png")) else ""
+        left = {file.name for file in output.glob("*.png")} - superseded(output, saving.files, inputs)
+        earlier = " Those in the folder are of an earlier run." if left else ""
         typer.echo(
             f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{earlier} Ctrl-C again to "
             "leave without.",
             err=True,
         )
         with writing():
-            files = write(result, output, saving, threads=threads_for(result.solution.depth.size))
+            files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)
     for file in files:
         typer.echo(file)
     typer.echo(_summary(result), err=True)
