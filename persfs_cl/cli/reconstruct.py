@@ -62,6 +62,9 @@ from persfs_cl.surface.writing import load_libraries
 
 _REGION = "Region and known values"
 
+_MANY = 0.25
+"""Share of pixels without a bound on the slope beyond which shadow and paint are no likely reason."""
+
 
 @configurable
 @takes(
@@ -208,6 +211,32 @@ def _distance(distance: float) -> str:
     return f"By the rate of the last iterations, further ones would change the depth by up to {100 * distance:.1g} %.\n"
 
 
+def _too_dark(clamped: int, solved: int, light: Light) -> str:
+    """What pixels without a bound of their own on the slope say of the light, and what helps where they are many."""
+    share = clamped / solved
+    counted = f"{clamped} pixels, {100 * share:.2g} % of those with a depth,"
+    if share <= _MANY:
+        return (
+            f"{counted} are too dark for the light, and only --max-slope bounds their slope: mask them out if they are "
+            "shadow or paint."
+        )
+    if light.normalised and light.cosine_of_ground < 1.0:
+        return (
+            f"{counted} are darker than level ground, and under a slanting light only --max-slope bounds their slope. "
+            "Check --p0 and --q0, and on open ground give --normalise level; where noise or shadow leads astray, "
+            "--guide with --scheme regularised."
+        )
+    check = (
+        "--p0 and --q0 for one from the side, --light flash for a lamp at the camera"
+        if light.normalised
+        else "--lamp for one beside the lens, --light parallel for one far away"
+    )
+    return (
+        f"{counted} are too dark for the light, and only --max-slope bounds their slope. With so many the light is "
+        f"hardly the one that was told, or they are background. Check it: {check}. Mask out the background."
+    )
+
+
 def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
@@ -236,10 +265,7 @@ def _summary(result: PhotoSolution) -> str:
         text += f"  from the prepared photo ({prepared}) by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f},\n"
     text += f"  from the photo itself by ME {photo.mean:.2f}, RS {photo.root_mean_square:.2f}."
     if clamped := int(solution.clamped.sum()):
-        text += (
-            f"\n{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: "
-            "mask them out if they are shadow or paint."
-        )
+        text += f"\n{_too_dark(clamped, int(solution.solved.sum()), solution.light)}"
     if (fit := solution.guide) is not None:
         gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
         text += (
