@@ -66,11 +66,11 @@ persfs-cl batch photos -o results --config flash.toml --shard 2/8
 
 The folders of the photos that are done go to standard output, one a line; everything else goes to standard error. What
 failed is listed at the end, and the exit status is then 1; the others are done all the same. It is 1 too where a file
-that was asked for could not be made of a surface of this run, such as a solid of single pixels. 2: the command
-line is wrong. 3: no device is left. 130: interrupted.
+that was asked for could not be made of a surface, such as a solid of single pixels, by this run or an earlier one. 2:
+the command line is wrong. 3: no device is left. 130: interrupted.
 
-Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays. Whatever ends a run, the power included, the
-same command goes on from there.
+Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays, and is counted. Whatever ends a run, the power
+included, the same command goes on from there.
 """
 _RENDER_EPILOG = """[bold]Example[/bold]
 

@@ -283,24 +283,30 @@ def batch(
         workers = workforce(plan, store, keywords["device"], room, scheduler)
     except InputError as error:
         raise WrongOption(error) from error
-    with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
-        interrupted()
-        with progress_bar(whole, tally) as show:
-            for result in whole.results(workers, interrupted):
-                tally.add(result)
-                show(f"{store}/{result.name}" if result.error is None else "")
-        stopped = interrupted()
-    tally.skipped = whole.skipped
-    typer.echo(tally.told(), err=True, nl=False)
     try:
-        names = publish(store, listing.inputs, title=title_of(paths), parameters=plan.parameters())
-    except InputError:
-        typer.echo(tally.summary(), err=True)
-        raise
+        with stop_on_interrupt("what is in hand is dropped.") as interrupted:
+            interrupted()
+            with progress_bar(whole, tally) as show:
+                for result in whole.results(workers, interrupted):
+                    tally.add(result)
+                    show(f"{store}/{result.name}" if result.error is None else "")
+            stopped = interrupted()
+        tally.skipped, tally.lacking_before = whole.skipped, whole.lacking
+        typer.echo(tally.told(), err=True, nl=False)
+        try:
+            names = publish(store, listing.inputs, title=title_of(paths), parameters=plan.parameters())
+        except InputError:
+            typer.echo(tally.summary(), err=True)
+            raise
+    except KeyboardInterrupt:
+        tally.skipped = whole.skipped
+        typer.echo(f"persfs-cl: {tally.left(whole.total)}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
     typer.echo(f"{tally.summary()} See {store}/{names[0]}.", err=True)
     if stopped:
+        typer.echo(f"persfs-cl: {tally.left(whole.total)}", err=True)
         raise typer.Exit(INTERRUPTED)
-    if tally.failed or tally.lacking:
+    if tally.failed or tally.lacking or tally.lacking_before:
         raise typer.Exit(INPUT_FAILED)
 
 

@@ -228,6 +228,8 @@ SPELLINGS = {
     f"{keyword('light', FLASH)} fades": "--light flash fades",
     f"{keyword('light', ps.ParallelLight())} does not": "--light parallel does not",
     f"{keyword('falloff', False)} or {keyword('falloff', True)}": "--no-falloff or --falloff",
+    f"{keyword('known_depth')} or {keyword('depth_range', (1, 2))}": "--known-depth or --near/--far",
+    f"{keyword('gain', None)}, {keyword('offset')}": "--gain unknown, --lamp",
     f"{keyword('mask', object)} is none": "--mask is none",
     "the surface, --max-slope, and scheme='upwind'": "the surface, --max-slope, and scheme='upwind'",
 }
