@@ -65,7 +65,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
 from persfs_cl.told import hearing
-from persfs_cl.wording import Spelling
+from persfs_cl.wording import Spelling, at_place
 
 
 def _scheduler(text: str) -> str | Path:
@@ -277,7 +277,7 @@ def batch(
     if not listing.inputs:
         # Such as a path with a slip in it: nothing is made for that.
         for place, why in listing.problems:
-            typer.echo(f"persfs-cl: {place}: {in_a_line(why, spell)}", err=True)
+            typer.echo(f"persfs-cl: {at_place(place, in_a_line(why, spell))}", err=True)
         raise typer.Exit(INPUT_FAILED)
     try:
         workers = workforce(plan, store, keywords["device"], room, scheduler)

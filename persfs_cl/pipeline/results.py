@@ -18,6 +18,7 @@ from persfs_cl.io.files import filling
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.surface.formats.pictures import PAGE, PREVIEW
+from persfs_cl.surface.formats.records import REPORT
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
 from persfs_cl.surface.solved import Derived
@@ -183,7 +184,9 @@ def write(
             written += write_preview(temporary, solution, solved.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:
             about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.path), "status": "done"}
-            written.append(write_index(temporary, [about], title=title, parameters=solution.parameters).name)
+            figures = REPORT if REPORT in written else None
+            page = write_index(temporary, [about], title=title, parameters=solution.parameters, elsewhere=figures)
+            written.append(page.name)
         if inputs is not None:
             give_account(temporary)
     return [folder / file for file in written]

@@ -45,7 +45,7 @@ def test_other_reasons_are_others() -> None:
     alike = Alike(every_name=True)
     for name, size in (("a.png", 5), ("b.png", 6)):
         alike.add(name, Path(name), f"{name} has {size} pixels.")
-    assert list(alike.lines()) == ["persfs-cl: a.png: a.png has 5 pixels.", "persfs-cl: b.png: b.png has 6 pixels."]
+    assert list(alike.lines()) == ["persfs-cl: a.png has 5 pixels.", "persfs-cl: b.png has 6 pixels."]
 
 
 def test_of_very_many_a_hundred_are_named_and_all_are_counted() -> None:

@@ -132,6 +132,16 @@ def test_an_interrupted_batch_says_how_many_are_done_and_goes_on(
     assert f"{3 - count} done" in again.stderr or presses == 2
 
 
+@pytest.mark.parametrize("options", [(), ("--dry-run",)])
+def test_a_path_with_a_slip_is_named_once(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run("batch", "photoz", "-o", "out", *FLASH, *options)
+    assert outcome.status == 1
+    assert outcome.stderr.startswith("persfs-cl: photoz does not exist: check the spelling")
+
+
 def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path: Path) -> None:
     given, masks, output = tmp_path / "in", tmp_path / "masks", tmp_path / "out"
     shutil.copytree(photos, given)
