@@ -15,7 +15,7 @@ import persfs_cl
 from persfs_cl.cli.config import ConfiguredCommand
 from persfs_cl.cli.interrupts import answered, raising
 from persfs_cl.cli.signals import leave_at_once
-from persfs_cl.cli.spelling import WrongOption, in_words, spelling
+from persfs_cl.cli.spelling import WrongOption, in_words, meant_by, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
@@ -173,6 +173,9 @@ class _Commands(TyperGroup):
             raise
         except typer.BadParameter as error:
             error.message = _with_value(error)
+            if error.param is not None:
+                # Click tells the word in quotes, before those that it takes.
+                error.message += meant_by(error.param.name, error.message.partition("'")[2].partition("'")[0])
             raise
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)

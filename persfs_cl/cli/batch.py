@@ -31,7 +31,8 @@ from persfs_cl.cli.options import (
     chosen_light,
     chosen_mask,
     chosen_reflectance,
-    require_fitting,
+    require_guide,
+    require_together,
 )
 from persfs_cl.cli.output import (
     DEFAULT_BASE,
@@ -79,6 +80,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 @configurable
 @takes(
+    require_together,
     camera=chosen_camera,
     brightness=chosen_brightness,
     light=chosen_light,
@@ -228,7 +230,7 @@ def batch(
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     share, room = _share(shard), _bytes(memory)
     paint, guided = chosen_albedo(albedo), guide is not None or guides is not None
-    require_fitting(keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guided)
+    require_guide(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guided)
     try:
         frame_slice(frames)
     except InputError as error:
@@ -260,6 +262,8 @@ def batch(
         saving=saving,
     )
     plan.require_files()
+    if not output:
+        raise typer.BadParameter("name a folder.", param_hint="'--output' / '-o'")
     store = store_for(output)
     root = store.root if isinstance(store, FolderStore) else None
     if root is not None and root.exists() and not root.is_dir():

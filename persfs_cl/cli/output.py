@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -73,8 +73,16 @@ def chosen_saving(save: str, mesh_faces: int, *, solid: bool, width: float, base
     return saving
 
 
-def check_folder(folder: Path, *, overwrite: bool) -> None:
+def check_folder(folder: Path, *, overwrite: bool, own: Collection[str] | None = None) -> None:
     """Refuse a folder that results cannot go to. Creates nothing.
+
+    Parameters
+    ----------
+    folder : Path
+    overwrite : bool
+        Whether it may hold something.
+    own : collection of str, optional
+        Of a command without --overwrite: names of what it may hold, hidden files besides.
 
     Raises
     ------
@@ -84,10 +92,14 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
     try:
         if folder.exists() and not folder.is_dir():
             raise typer.BadParameter(f"{folder} is a file: name a folder.", param_hint=_OPTION)
-        if folder.exists() and not overwrite and not all(map(_is_unseen, folder.iterdir())):
-            raise typer.BadParameter(
-                f"the folder {folder} is not empty: choose another, or add --overwrite.", param_hint=_OPTION
-            )
+        if folder.exists() and not overwrite:
+            held = [path for path in folder.iterdir() if not _is_unseen(path)]
+            if own is not None and [path for path in held if path.name not in own and not path.name.startswith(".")]:
+                raise typer.BadParameter(f"the folder {folder} holds other things: choose another.", param_hint=_OPTION)
+            if own is None and held:
+                raise typer.BadParameter(
+                    f"the folder {folder} is not empty: choose another, or add --overwrite.", param_hint=_OPTION
+                )
         _check_writable(folder)
     except OSError as error:
         raise typer.BadParameter(f"{folder} cannot be written: {error.strerror}.", param_hint=_OPTION) from error

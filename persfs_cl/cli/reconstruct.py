@@ -31,7 +31,8 @@ from persfs_cl.cli.options import (
     chosen_light,
     chosen_mask,
     chosen_reflectance,
-    require_fitting,
+    require_guide,
+    require_together,
 )
 from persfs_cl.cli.output import (
     DEFAULT_BASE,
@@ -68,6 +69,7 @@ _MANY = 0.25
 
 @configurable
 @takes(
+    require_together,
     camera=chosen_camera,
     brightness=chosen_brightness,
     light=chosen_light,
@@ -131,9 +133,7 @@ def reconstruct(
     """
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     paint = chosen_albedo(albedo)
-    require_fitting(
-        keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guide is not None
-    )
+    require_guide(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guide is not None)
     nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,

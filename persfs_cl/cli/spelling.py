@@ -23,6 +23,25 @@ _UNKNOWN = "unknown"
 """What is typed for None, where an option takes it."""
 
 
+_SUN = (
+    "Give --light parallel, and its direction by --p0 and --q0: --p0 1 is a sun on the left, 45 degrees from the view."
+)
+_LAMP = "Give --light flash for a lamp at the camera, and --lamp for one beside the lens."
+_MEANT = {
+    "light": {
+        **dict.fromkeys(("sun", "sunlight", "daylight", "directional", "distant"), _SUN),
+        **dict.fromkeys(("lamp", "torch", "point", "led", "endoscope"), _LAMP),
+    }
+}
+"""What helps those who name a choice by another word, by the parameter and the word."""
+
+
+def meant_by(parameter: str | None, word: str) -> str:
+    """What to give where a word is none of the choices, to be put after the message; mostly nothing."""
+    remedy = _MEANT.get(parameter or "", {}).get(word.lower())
+    return f" {remedy}" if remedy else ""
+
+
 class WrongOption(typer.BadParameter):
     """An error of the library about what stands on the command line."""
 

@@ -132,6 +132,12 @@ def test_an_interrupted_batch_says_how_many_are_done_and_goes_on(
     assert f"{3 - count} done" in again.stderr or presses == 2
 
 
+def test_no_folder_is_no_output(photos: Path) -> None:
+    outcome = run("batch", photos / "a.png", "-o", "", *FLASH)
+    assert outcome.status == 2
+    assert "name a folder" in outcome.stderr
+
+
 @pytest.mark.parametrize("options", [(), ("--dry-run",)])
 def test_a_path_with_a_slip_is_named_once(
     options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

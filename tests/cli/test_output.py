@@ -13,6 +13,7 @@ import trimesh
 from command import FOCAL, HEIGHT, WIDTH, names, run
 
 from persfs_cl.io import files
+from persfs_cl.io.export import write_grey
 
 
 def test_output_folder_is_checked_before_the_photo_is_read(tmp_path: Path) -> None:
@@ -71,6 +72,23 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
     assert outcome.status == 0, outcome.stderr
     # An input stays, whoever made it.
     assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj"}
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.filterwarnings("always:")
+def test_a_mesh_without_a_triangle_is_told_of(tmp_path: Path) -> None:
+    write_grey(tmp_path / "photo.png", np.linspace(0.4, 0.9, 81).reshape(9, 9))
+    dots = np.zeros((9, 9), bool)
+    dots[1::2, 1::2] = True
+    np.save(tmp_path / "dots.npy", dots)
+    common = ("reconstruct", tmp_path / "photo.png", *FOCAL, "--light=flash", "--mask", tmp_path / "dots.npy", "-o")
+    outcome = run(*common, tmp_path / "out", "--save", "depth,mesh")
+    assert outcome.status == 1
+    assert "warning: mesh.ply could not be made: no three neighbouring pixels have a depth" in outcome.stderr
+    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "camera.json"}
+    for file in ("mesh.obj", "mesh.stl", "mesh.glb"):
+        assert run(*common, tmp_path / "none", "--save", file).status == 1
+        assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.usefixtures("quick")
