@@ -400,14 +400,26 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "an unknown word": ({"fit": "gian"}, "fit='gian' is nothing that can be fitted. Is it gain. Give some of gain, wh"),
     "no word": ({"fit": ()}, r"fit=\(\) asks for nothing: give some of gain"),
     "no words": ({"fit": 3}, "fit=3 is no list of words"),
-    "direction of a flash": ({"fit": "direction"}, r"fit='direction' is that of a parallel light: give ParallelLight"),
+    "direction of a flash": (
+        {"fit": "direction"},
+        r"fit='direction' is that of a parallel light: give light=ParallelLight",
+    ),
     "lamp of the sun": (
         {"fit": "lamp", "light": ps.ParallelLight()},
-        r"fit='lamp' is the place of a flash that fades with distance: give FlashLight\(\), or fit direction. Taken",
+        r"fit='lamp' is the place of a flash that fades with distance: give light=FlashLight\(\), or fit direction",
     ),
-    "gain of the sun": ({"fit": "gain", "light": ps.ParallelLight()}, "fit='gain' is that of a flash: give FlashLight"),
-    "roughness of a smooth surface": ({"fit": "roughness"}, r"give OrenNayar\(roughness=0.3\), where the fit begins"),
-    "gloss of a matt surface": ({"fit": "gloss"}, r"is that of a shiny material: give Phong\(\), where the fit begins"),
+    "gain of the sun": (
+        {"fit": "gain", "light": ps.ParallelLight()},
+        "fit='gain' is that of a flash: give light=FlashLight",
+    ),
+    "roughness of a smooth surface": (
+        {"fit": "roughness"},
+        r"give reflectance=OrenNayar\(roughness=0.3\), where the fit begins",
+    ),
+    "gloss of a matt surface": (
+        {"fit": "gloss"},
+        r"is that of a shiny material: give reflectance=Phong\(\), where the fit begins",
+    ),
     "points under the sun": (
         {"light": ps.ParallelLight(), "truth": points(NEAR, 60, 0)},
         "truth has no slopes that can be believed, and under light=ParallelLight.* give a dense depth map",

@@ -180,7 +180,8 @@ def test_command_interrupted_keeps_what_is_complete(number: signal.Signals, tmp_
         status, printed, said = process.ended()
     assert status == 130, said
     assert (sabotage / "start-0").exists()
-    assert "stopping; what is in hand is dropped; the same command goes on from there." in said
+    assert "stopping; what is in hand is dropped." in said
+    assert f"Interrupted: {len(printed.splitlines())} of {len(names)} are done. The same command goes on from" in said
     done = times_done(out)
     assert 3 <= len(done) <= len(names) / 2
     assert [record.name for record in lines(out) if record.status == "failed"] == []
