@@ -155,6 +155,9 @@ def reconstruct(
     check_folder(output, overwrite=overwrite)
     inputs = tuple(sources(job).values())
     check_inputs(output, saving, inputs)
+    if camera.table is not None:
+        # One of an earlier run may stay, or make room for this run's, which says the same.
+        inputs += (camera.table,)
     keep_freed_memory()
     tolerance, stopping = keywords["tolerance"], keywords["stopping"]
     if tolerance is None:

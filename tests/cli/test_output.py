@@ -72,6 +72,10 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
     assert outcome.status == 0, outcome.stderr
     # An input stays, whoever made it.
     assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj"}
+    options = ("--save", "mesh.stl", "--camera", tmp_path / "own" / "camera.json", "--overwrite")
+    assert run("reconstruct", photo, "-o", tmp_path / "own", *FOCAL, "--save", "depth").status == 0
+    assert run("reconstruct", photo, "-o", tmp_path / "own", *options).status == 0
+    assert names(tmp_path / "own") == {"camera.json", "mesh.stl"}
 
 
 @pytest.mark.usefixtures("quick")
