@@ -68,15 +68,11 @@ static inline number added_up(__global const real *fine, const size_t line)
     return 0.25f * (before + behind) + 0.75f * (even + odd);
 }
 
-/* The remainder on the next grid. */
-__kernel void restrict_remainder(__global const real *remainder,  /* of the finer grid         */
-                                 __global const real *coarse_inverse_diagonal, /* 0 for nothing */
-                                 __global real *coarse_remainder, /* result                    */
-                                 const int coarse_width,          /* pixels                    */
-                                 const int stride,                /* of the finer grid         */
-                                 const int coarse_stride)         /* of the coarse one         */
+/* A row of the remainder on the next grid. */
+static inline void restrict_row(__global const real *remainder, __global const real *coarse_inverse_diagonal,
+                                __global real *coarse_remainder, const int row, const int width, const int stride,
+                                const int coarse_stride)
 {
-    const int row = (int)get_global_id(1), width = coarse_width;
     FOR_EACH_OF_ROW(column)
     {
         const size_t cell = cell_at(column, row, coarse_stride);
@@ -85,9 +81,37 @@ __kernel void restrict_remainder(__global const real *remainder,  /* of the fine
     }
 }
 
-/* The correction on a grid: the remainder there by about the diagonal, and what comes from the next coarser grid, if
- * there is one.
+/* A row of the correction on a grid: the remainder there by about the diagonal, and what comes from the next coarser
+ * grid, if there is one.
  */
+static inline void correct_row(__global const real *remainder, __global const real *inverse_diagonal,
+                               __global const real *coarse_correction, __global real *correction, const int row,
+                               const int has_coarser, const int width, const int stride, const int coarse_stride)
+{
+    FOR_EACH_OF_ROW(column)
+    {
+        const size_t cell = cell_at(column, row, stride);
+        const number inverse = LOAD(inverse_diagonal + cell);
+        number result = inverse * LOAD(remainder + cell);
+        if (has_coarser)
+            result += interpolated(coarse_correction, column, row, coarse_stride);
+        STORE(correction + cell, choose(inverse > 0, result, 0));
+    }
+}
+
+/* The remainder on the next grid. */
+__kernel void restrict_remainder(__global const real *remainder,  /* of the finer grid         */
+                                 __global const real *coarse_inverse_diagonal, /* 0 for nothing */
+                                 __global real *coarse_remainder, /* result                    */
+                                 const int coarse_width,          /* pixels                    */
+                                 const int stride,                /* of the finer grid         */
+                                 const int coarse_stride)         /* of the coarse one         */
+{
+    restrict_row(remainder, coarse_inverse_diagonal, coarse_remainder, (int)get_global_id(1), coarse_width, stride,
+                 coarse_stride);
+}
+
+/* The correction on a grid. */
 __kernel void correct_grid(__global const real *remainder,         /* of this grid                         */
                            __global const real *inverse_diagonal,  /* of this grid                         */
                            __global const real *coarse_correction, /* of the next one                      */
@@ -97,15 +121,34 @@ __kernel void correct_grid(__global const real *remainder,         /* of this gr
                            const int stride,                       /* of this grid                         */
                            const int coarse_stride)                /* of the next one                      */
 {
-    const int row = (int)get_global_id(1);
-    FOR_EACH_OF_ROW(column)
-    {
-        const size_t cell = cell_at(column, row, stride);
-        const number inverse = LOAD(inverse_diagonal + cell);
-        number result = inverse * LOAD(remainder + cell);
-        if (has_coarser)
-            result += interpolated(coarse_correction, column, row, coarse_stride);
-        STORE(correction + cell, choose(inverse > 0, result, 0));
+    correct_row(remainder, inverse_diagonal, coarse_correction, correction, (int)get_global_id(1), has_coarser, width,
+                stride, coarse_stride);
+}
+
+/* Both on all small grids, the first of which has its remainder: a launch for each would take longer than its work. One
+ * work-group does all of it, global size (work-items of a row, 1). The arrays of the grids lie one behind the other.
+ */
+__kernel void correct_small_grids(__global const int *small_grids, /* width, height, stride, and where the arrays of
+                                                                      each begin, from fine to coarse           */
+                                  const int small_count,           /* of them, at least 1                       */
+                                  __global const real *small_inverse_diagonals,
+                                  __global real *small_remainders,   /* results but for the first               */
+                                  __global real *small_corrections)  /* results                                 */
+{
+    for (int place = 1; place < small_count; ++place) {
+        __global const int *own = small_grids + 4 * place, *finer = own - 4;
+        for (int row = 0; row < own[1]; ++row)
+            restrict_row(small_remainders + finer[3], small_inverse_diagonals + own[3], small_remainders + own[3], row,
+                         own[0], finer[2], own[2]);
+        barrier(CLK_GLOBAL_MEM_FENCE);
+    }
+    for (int place = small_count - 1; place >= 0; --place) {
+        const int has_coarser = place + 1 < small_count;
+        __global const int *own = small_grids + 4 * place, *coarser = own + 4 * has_coarser;
+        for (int row = 0; row < own[1]; ++row)
+            correct_row(small_remainders + own[3], small_inverse_diagonals + own[3], small_corrections + coarser[3],
+                        small_corrections + own[3], row, has_coarser, own[0], own[2], coarser[2]);
+        barrier(CLK_GLOBAL_MEM_FENCE);
     }
 }
 

@@ -5,8 +5,9 @@ It is long because it names every array and every launch of a step: apart from e
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,8 @@ _ITEMS = 64
 _SMALLEST = 4
 _MOST_GRIDS = 7
 """Of the grids that hasten the method of conjugate gradients: pixels of the shorter side, and how many."""
+_SMALL = 64**2
+"""Pixels of a grid up to which a launch of its own would take longer than its work."""
 
 _LEAST_FALL = 0.1
 """Along a direction, as a share of that along the step alone."""
@@ -184,6 +187,7 @@ class Descent:
                 "move",
                 "restrict_remainder",
                 "correct_grid",
+                "correct_small_grids",
                 "coarsen_diagonal",
             ):
                 self._kernels[name] = kernel(device, files, precision, definitions, name)
@@ -232,28 +236,54 @@ class Descent:
         self._partial = np.empty(3 * self._items * grid.height, real)
         self._values["partial"] = allocate(device, self._partial.nbytes)
         self._slope = self._last_slope = 0.0
-        self._coarse: list[dict[str, Any]] = [
-            {
-                "remainder": self._zeros(coarse.size),
-                "correction": self._zeros(coarse.size),
-                "inverse_diagonal": self._zeros(coarse.size),
-                "diagonal_parts": self._zeros(3 * coarse.size),
-                "width": coarse.width,
-                "height": coarse.height,
-                "stride": coarse.stride,
+        self._lay_out_coarse_grids()
+        self._correction = list(self._launches_of_correction())
+        self._multiply = self._prepared("multiply", grid.height, self._values)
+
+    def _lay_out_coarse_grids(self) -> None:
+        """Arrays of the coarse grids; of small ones, which come last, each kind in one buffer."""
+        grids = self._grids[1:]
+        count = len([grid for grid in grids if grid.width * grid.height <= _SMALL])
+        large, small = grids[: len(grids) - count], grids[len(grids) - count :]
+        self._coarse: list[dict[str, Any]] = []
+        for grid in large:
+            arrays = {name: self._zeros(grid.size) for name in ("remainder", "correction", "inverse_diagonal")}
+            self._add_coarse(grid, arrays)
+        if small:
+            # A part of a buffer must begin where the device lets it.
+            bits = self._device.context.devices[0].mem_base_addr_align
+            aligned = max(_ALIGNED, bits // 8 // self._real.itemsize)
+            lengths = [-(-(grid.size + _BEHIND) // aligned) * aligned for grid in small]
+            begins = np.cumsum([0, *lengths])
+            whole = {name: self._zeros(int(begins[-1])) for name in ("remainder", "correction", "inverse_diagonal")}
+            for grid, begin, length in zip(small, begins, lengths, strict=False):
+                place = int(begin) * self._real.itemsize, length * self._real.itemsize
+                self._add_coarse(grid, {name: buffer.get_sub_region(*place) for name, buffer in whole.items()})
+            places = [(grid.width, grid.height, grid.stride, begin) for grid, begin in zip(small, begins, strict=False)]
+            self._small = {
+                "small_grids": upload(self._device, np.array(places, np.int32)),
+                "small_count": len(small),
+                **{f"small_{name}s": buffer for name, buffer in whole.items()},
             }
-            for coarse in self._grids[1:]
-        ]
+        self._large = len(large)
         self._values["coarse_correction"] = self._coarse[0]["correction"]
+
+    def _add_coarse(self, grid: _Grid, arrays: Mapping[str, cl.Buffer]) -> None:
+        diagonal_parts = self._zeros(3 * grid.size)
+        sizes = {"width": grid.width, "height": grid.height, "stride": grid.stride}
+        self._coarse.append({**arrays, "diagonal_parts": diagonal_parts, **sizes})
 
     def _zeros(self, count: int) -> cl.Buffer:
         buffer = allocate(self._device, (count + _BEHIND) * self._real.itemsize)
         cl.enqueue_fill_buffer(self._device.queue, buffer, np.zeros(1, self._real), 0, buffer.size)
         return buffer
 
-    def _launch(self, name: str, height: int, values: Mapping[str, Any]) -> None:
+    def _prepared(self, name: str, height: int, values: Mapping[str, Any]) -> Callable[[], cl.Event]:
         # Groups of one size for all images: drivers for processors compile a kernel anew for each.
-        self._kernels[name].launch(self._device, (self._items, height), (self._items, 1), values)
+        return self._kernels[name].prepared(self._device, (self._items, height), (self._items, 1), values)
+
+    def _launch(self, name: str, height: int, values: Mapping[str, Any]) -> None:
+        self._prepared(name, height, values)()
 
     def _finest(self, name: str, **own: Any) -> None:
         self._launch(name, self._grids[0].height, {**self._values, **own})
@@ -309,7 +339,7 @@ class Descent:
             # The first is made even if there is nothing to do: the step must become 0.
             for done in range(1, iterations + 1):
                 self._finest("turn_direction", turn=turn)
-                self._finest("multiply")
+                self._multiply()
                 along = float(self._sums().sum(dtype=np.float64))
                 length = last / along if along > 0.0 else 0.0
                 self._slope += length * last
@@ -324,9 +354,17 @@ class Descent:
 
     def _precondition(self) -> float:
         """The correction for the remainder, and their product."""
-        for fine, coarse in self._pairs("remainder", "inverse_diagonal"):
-            self._launch("restrict_remainder", coarse["coarse_height"], {**fine, **coarse})
-        for place in reversed(range(len(self._coarse))):
+        for launch in self._correction:
+            launch()
+        return float(self._sums().sum(dtype=np.float64))
+
+    def _launches_of_correction(self) -> Iterator[Callable[[], cl.Event]]:
+        """Down to the coarsest grid and back."""
+        for fine, coarse in islice(self._pairs("remainder", "inverse_diagonal"), self._large + 1):
+            yield self._prepared("restrict_remainder", coarse["coarse_height"], {**fine, **coarse})
+        if self._large < len(self._coarse):
+            yield self._prepared("correct_small_grids", 1, self._small)
+        for place in reversed(range(self._large)):
             own, coarser = self._coarse[place], self._coarse[min(place + 1, len(self._coarse) - 1)]
             values = {
                 **own,
@@ -334,9 +372,8 @@ class Descent:
                 "coarse_correction": coarser["correction"],
                 "coarse_stride": coarser["stride"],
             }
-            self._launch("correct_grid", own["height"], values)
-        self._finest("precondition")
-        return float(self._sums().sum(dtype=np.float64))
+            yield self._prepared("correct_grid", own["height"], values)
+        yield self._prepared("precondition", self._grids[0].height, self._values)
 
     def _pairs(self, *names: str) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
         """Each grid and the next, that with some of its values by other names."""

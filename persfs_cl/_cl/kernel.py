@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,12 @@ class Kernel:
         KernelBuildError
             When one that it declares is missing.
         """
+        return self.prepared(device, size, group, values)()
+
+    def prepared(
+        self, device: Device, size: tuple[int, ...], group: tuple[int, ...] | None, values: Mapping[str, Any]
+    ) -> Callable[[], cl.Event]:
+        """:meth:`launch` as a function without arguments, for one that is done again and again with the same ones."""
         try:
             given = [values[name] for name in self._names]
         except KeyError as error:
@@ -77,7 +84,7 @@ class Kernel:
                 f"{self._where} declares the argument {error.args[0]!r}, for which the launch gives no value: name it "
                 f"as one of {', '.join(sorted(values))}, or have the launch give it."
             ) from error
-        return self._made(device.queue, size, group, *given)
+        return partial(self._made, device.queue, size, group, *given)
 
     def largest_group(self, device: Device) -> int:
         """Largest power of two of work-items that one group may have."""
