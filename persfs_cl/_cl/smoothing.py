@@ -13,7 +13,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.kernel import kernel
 
-LEAST, HUBER, RELAXATION = 0.2, 1.5, 1.5
+LEAST, HUBER, RELAXATION = 0.2, 1.5, 1.7
 """Share of the noise that a step counts at least; noises from which a datum pulls no harder; over-relaxation."""
 _GROUP = 16
 """Work-items in a row make a multiple of this, of which drivers make vectors."""
