@@ -156,7 +156,7 @@ class _Guided:
         else:
             if cells.count < _MANY:
                 start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
-            voting = joined & cells.near_median(self.agreed.log_depth)
+            voting = joined & cells.near_median(self.agreed.log_depth, cells.values - residuals)
             voters = np.bincount(cells.of_pixel[voting], minlength=cells.count)
             votes = np.divide(1.0, voters, out=np.zeros(cells.count), where=known & (voters > 0))
             smooth = self.smoother.smoothed(
