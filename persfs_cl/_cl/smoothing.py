@@ -13,7 +13,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel
 
-LEAST, HUBER, RELAXATION = 0.2, 1.5, 1.5
+LEAST, HUBER, RELAXATION = 0.2, 1.5, 1.7
 """Share of the noise that a step counts at least; noises from which a datum pulls no harder; over-relaxation."""
 _BORDER = 16
 """Stored columns beside the map, of which the first and the last must be: rows begin alike for vectors."""

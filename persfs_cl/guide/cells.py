@@ -121,6 +121,14 @@ class Cells:
         there = (self.of_pixel >= 0) & ~np.isnan(log_depth)
         return medians(log_depth[there], self.of_pixel[there], self.count)
 
+    def near_median(self, log_depth: Array, medians_of_cells: Array) -> Mask:
+        """The half of the pixels of each cell whose value is nearest to its median, where that is not NaN.
+
+        They are what a median tells of. The others may belong to another part, beyond a jump.
+        """
+        apart = np.abs(log_depth - self.on_pixels(medians_of_cells, np.nan))
+        return np.asarray(apart <= self.on_pixels(self.of_surface(apart), np.nan))
+
     def beside(self, values: Array) -> Array:
         """What the neighbours have, shape (cells, NEIGHBOURS); NaN for none."""
         return np.append(values, np.nan)[self.neighbours]

@@ -16,9 +16,13 @@ from persfs_cl.guide.few import are_few, scatter_of
 from persfs_cl.guide.guide import Guide
 from persfs_cl.wording import keyword
 
-_HELD, _LOOSE = (1.0, 0.5, 0.5), (1.0, 0.5, 0.25, 0.125, 0.125)
-"""Tolerance of each round, in noises, where the photograph tells the depth, and where only bounds hold the surface,
-which so comes to lie on one side of what they allow."""
+_HELD, _FEW, _LOOSE = (1.0, 0.5, 0.25), (1.0, 0.5, 0.5), (1.0, 0.5, 0.25, 0.125, 0.125)
+"""Tolerance of each round, in noises, where the photograph tells the depth, by many cells and by few points, and where
+only bounds hold the surface, which so comes to lie on one side of what they allow."""
+_NOISE_LEFT = 0.3
+"""Noises that smoothing leaves of noise alone, about, root mean square. Where guide and photograph differ by no more,
+the photograph may be right everywhere, and the tolerance stays that of the first round; where they differ by more, it
+shrinks accordingly."""
 _DISTORTIONS, _DISTORTIONS_DRIFTING = 1.5, 3.0
 """Tolerance at least, in distortions, of a guide that is distorted."""
 _FAR = 3.0
@@ -257,18 +261,35 @@ class Fitted:
     @property
     def rounds(self) -> int:
         """How often the surface is solved again."""
-        return len(_HELD if self.held else _LOOSE)
+        return len(self._noises)
 
-    def tolerance(self, number: int) -> float:
-        """Of a round, from 0."""
-        least = 0.0
-        if self.drifts or self.distortion > self.noise:
-            least = (_DISTORTIONS_DRIFTING if self.drifts else _DISTORTIONS) * self.distortion
-        return max((_HELD if self.held else _LOOSE)[number] * self.noise, least)
+    @property
+    def _noises(self) -> tuple[float, ...]:
+        if not self.held:
+            return _LOOSE
+        return _FEW if self.few else _HELD
 
-    def around(self, log_depth: Array, number: int) -> tuple[Array, Array]:
-        """Bounds of ln depth around what guide and surface say together, in a round."""
-        tolerance = self.tolerance(number)
+    def tolerance(self, number: int, difference: float) -> float:
+        """Of a round, from 0.
+
+        Parameters
+        ----------
+        number : int
+        difference : float
+            Of guide and photograph, in ln depth: root mean square of the first smooth residual.
+        """
+        # Beyond the noise, so that it grows from nothing.
+        least = _DISTORTIONS * math.sqrt(max(self.distortion**2 - self.noise**2, 0.0))
+        if self.drifts:
+            least = _DISTORTIONS_DRIFTING * self.distortion
+        noises = self._noises
+        share = noises[number]
+        if self.held:
+            share = max(share, noises[0] * _NOISE_LEFT / max(difference / self.noise, _NOISE_LEFT))
+        return max(share * self.noise, least)
+
+    def around(self, log_depth: Array, tolerance: float) -> tuple[Array, Array]:
+        """Bounds of ln depth around what guide and surface say together."""
         return log_depth - tolerance, log_depth + (_FAR if self.held else 1.0) * tolerance
 
 

@@ -112,6 +112,8 @@ class _Guided:
         Cells that counted in the last round.
     tolerance : float
         Of the last round.
+    difference : float
+        Of guide and photograph: root mean square of the first smooth residual.
     """
 
     agreed: Agreed
@@ -119,6 +121,7 @@ class _Guided:
     middle: Array
     used: int = 0
     tolerance: float = 0.0
+    difference: float = 0.0
 
     @classmethod
     def of(cls, device: Device, alone: Attempt, guide: Guide, options: Options) -> _Guided:
@@ -132,29 +135,39 @@ class _Guided:
     def bounded(self, number: int) -> Problem:
         """The problem of a round, from 0: between the bounds that surface and guide set together."""
         problem, fitted, log_depth = self.agreed.problem, self.agreed.fitted, self.agreed.log_depth
-        cells, residuals = fitted.cells, fitted.residuals(log_depth)
-        known = ~np.isnan(residuals)
-        self.used, self.tolerance = int(np.count_nonzero(known)), fitted.tolerance(number)
+        residuals = fitted.residuals(log_depth)
+        self.used = int(np.count_nonzero(~np.isnan(residuals)))
+        smooth = self._smoothed(residuals)
+        if number == 0:
+            self.difference = float(np.sqrt(np.nanmean(smooth**2)))
+        self.middle, self.tolerance = log_depth + smooth, fitted.tolerance(number, self.difference)
+        near, far = (problem.window.spread(bound, np.nan) for bound in fitted.around(self.middle, self.tolerance))
+        given = problem.given_range or DepthRange.none(problem.window.image_shape)
+        fixed = problem.window.spread(problem.domain.known, False)
+        return problem.between(given.within(near, far).but(fixed))
+
+    def _smoothed(self, residuals: Array) -> Array:
+        """Residuals of the cells, NaN for those that do not count, along the edges; NaN where no cell reaches."""
+        fitted, known = self.agreed.fitted, ~np.isnan(residuals)
+        cells, joined = fitted.cells, _joined(self.agreed.problem)
         start, distance = cells.nearest(residuals)
         if fitted.few:
             smooth = kriged(residuals, cells, fitted.noise, doubted=not fitted.told)
         else:
             if cells.count < _MANY:
                 start = np.where(distance <= cells.spacing * cells.count / _MANY, start, 0.0)
-            votes = np.divide(1.0, cells.pixels, out=np.zeros(cells.count), where=known)
+            voting = joined & cells.near_median(self.agreed.log_depth, cells.values - residuals)
+            voters = np.bincount(cells.of_pixel[voting], minlength=cells.count)
+            votes = np.divide(1.0, voters, out=np.zeros(cells.count), where=known & (voters > 0))
             smooth = self.smoother.smoothed(
                 start,
                 cells.on_pixels(np.where(known, residuals, 0.0), 0.0),
-                np.where(_joined(problem), cells.on_pixels(votes, 0.0), 0.0),
+                np.where(voting, cells.on_pixels(votes, 0.0), 0.0),
                 fitted.noise,
             )
-        self.middle = log_depth + smooth
         # What no cell reaches is left to the photograph.
-        self.middle[distance > cells.reach] = np.nan
-        near, far = (problem.window.spread(bound, np.nan) for bound in fitted.around(self.middle, number))
-        given = problem.given_range or DepthRange.none(problem.window.image_shape)
-        fixed = problem.window.spread(problem.domain.known, False)
-        return problem.between(given.within(near, far).but(fixed))
+        smooth[(distance > cells.reach) | ~joined] = np.nan
+        return smooth
 
     def fit_to(self, latest: Attempt) -> GuideFit:
         """What became of the guide, once the surface was solved again."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,8 @@ from persfs_cl.bench.guided import ALONE, CASES, GUIDE, GUIDED, QUANTITIES, RATI
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.tables import contents
 from persfs_cl.environment import environment
+from persfs_cl.guide.cells import Cells
+from persfs_cl.scenes.meshes import stanford_bunny
 
 
 def two_balls() -> Any:
@@ -68,6 +72,42 @@ def test_what_guides_are_worth_is_told_in_two_tables(device: ps.Device, monkeypa
     assert "skipped: get the head" in rows[-1]
     header, _rule, *rows = tables["guided-lights"].splitlines()
     assert (header.count("|"), len(rows)) == (7, 2)
+
+
+@pytest.mark.thorough
+def test_a_guide_like_a_networks_does_no_harm_on_average() -> None:
+    """Nor is it ever worse than the worse of guide and photograph."""
+    flash, size, random = ps.FlashLight(), 270, np.random.default_rng
+    views = [
+        ps.mesh_scene(
+            stanford_bunny(), (size, size), up="z", turn=turn, focal_length=295.0, light=flash, bits=8, noise=0.005
+        )
+        for turn in guided.TURNS
+    ]
+    solve = partial(
+        ps.reconstruct_batch,
+        [view.image for view in views],
+        views[0].camera,
+        mask=[view.mask for view in views],
+        light=flash,
+    )
+
+    def errors(depths: Iterable[Any]) -> Any:
+        found = [
+            ps.compare(depth, view.depth, mask=view.mask).mean / np.ptp(view.depth[view.mask])
+            for depth, view in zip(depths, views, strict=True)
+        ]
+        return np.array(found)
+
+    alone = errors(solution.depth for solution in solve())
+    for case in (CASES["like a network's"], CASES["like a network's, inverse"]):
+        given: list[Any] = [case.depths(view, random(7)) for view in views]
+        cells = [Cells.of_map(guide, view.mask) for guide, view in zip(given, views, strict=True)]
+        of_guide = errors(each.interpolated(each.values) for each in cells)
+        numbers = [3.7 / guide + 0.4 for guide in given] if case.relative else given
+        both = errors(solution.depth for solution in solve(guide=numbers, **case.keywords))
+        assert (both <= np.maximum(alone, of_guide)).all()
+        assert both.mean() <= alone.mean()
 
 
 def test_guides_are_what_they_are_called() -> None:

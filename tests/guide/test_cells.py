@@ -101,6 +101,20 @@ def test_a_surface_is_known_by_the_median_of_its_cell() -> None:
     assert found[7] == np.nanmedian(surface[3:6, 3:6])
 
 
+def test_a_median_is_of_the_pixels_near_to_it() -> None:
+    """Of a cell with a jump inside, those of the larger part; of a point its pixel; of none where nothing is known."""
+    cells = Cells.of_map(np.zeros((4, 6)), EVERYWHERE)
+    surface = np.zeros(EVERYWHERE.shape)
+    surface[:3, 2] = 1.0
+    surface[3, 3] = np.nan
+    near = cells.near_median(surface, cells.of_surface(surface))
+    np.testing.assert_array_equal(near[:3, :3], [[True, True, False]] * 3)
+    assert not near[3, 3]
+    assert near[4:6, 3:6].all()
+    point = Cells.of_points(np.array([4.0]), np.array([2.0]), np.zeros(1), EVERYWHERE)
+    assert np.argwhere(point.near_median(surface, point.of_surface(surface))).tolist() == [[2, 4]]
+
+
 def test_nearest_and_interpolated_maps() -> None:
     coarse = np.add.outer(np.arange(4.0), 10.0 * np.arange(6.0))
     cells = Cells.of_map(coarse, EVERYWHERE)

@@ -121,19 +121,33 @@ def test_whatever_its_numbers_are(given: Array, keywords: dict[str, Any]) -> Non
     np.testing.assert_allclose(depths, expected, rtol=0.05)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize("make", [ps.bump, ps.bumps, ps.hillside])
-def test_a_noisy_guide_is_no_worse_than_the_better_of_both(make: Callable[..., ps.Scene]) -> None:
-    flash, size, cell = ps.FlashLight(), 90, 9
-    scene = make((size, size), light=flash, bits=8, noise=0.01)
+def test_noisy_guides_are_no_worse_than_the_better_of_both(make: Callable[..., ps.Scene], noise: float) -> None:
+    flash, size, cell, count = ps.FlashLight(), 90, 9, 100
+    scene = make((size, size), light=flash, bits=8, noise=noise)
+    relief, random = np.ptp(scene.depth), np.random.default_rng(0)
     blocks = scene.depth.reshape(size // cell, cell, size // cell, cell).mean(axis=(1, 3))
-    guide = blocks + np.random.default_rng(0).normal(0.0, 0.02 * np.ptp(scene.depth), blocks.shape)
-    cells = Cells.of_map(np.log(guide), np.ones((size, size), bool))
-    found = [
-        np.exp(cells.interpolated(cells.values)),
-        *(ps.reconstruct(scene.image, scene.camera, light=flash, guide=given).depth for given in (None, guide)),
-    ]
-    of_guide, alone, guided = (ps.compare(depth, scene.depth).mean for depth in found)
-    assert guided <= 1.05 * min(of_guide, alone)
+    guide = blocks + random.normal(0.0, 0.02 * relief, blocks.shape)
+    rows, columns = np.divmod(random.choice(size * size, count, replace=False), size)
+    points = ps.Points(columns, rows, scene.depth[rows, columns] + random.normal(0.0, 0.01 * relief, count))
+    everywhere = np.ones((size, size), bool)
+    cells = Cells.of_map(np.log(guide), everywhere)
+    lone = Cells.of_points(points.columns, points.rows, np.log(points.depths), everywhere)
+    by_themselves = [np.exp(each.interpolated(each.values)) for each in (cells, lone)]
+    solutions = ps.reconstruct_batch([scene.image] * 3, scene.camera, light=flash, guide=[None, guide, points])
+    alone, *guided = (ps.compare(solution.depth, scene.depth).mean for solution in solutions)
+    for by_itself, found in zip(by_themselves, guided, strict=True):
+        assert found <= 1.05 * min(ps.compare(by_itself, scene.depth).mean, alone)
+
+
+def test_the_tolerance_is_narrow_only_where_guide_and_photograph_differ() -> None:
+    scene = ps.bump(SIZE, light=ps.FlashLight(), bits=8)
+    alike, differing = solved(scene, guide=noisy(blocks(scene.depth))).guide, solved(BALLS, guide=GUIDE).guide
+    assert alike is not None
+    assert differing is not None
+    assert alike.tolerance > 0.8 * alike.noise
+    assert differing.tolerance == pytest.approx(0.25 * differing.noise)
 
 
 @pytest.mark.parametrize("kind", ["depth", "inverse"])

@@ -12,12 +12,13 @@ import numpy as np
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
 from persfs_cl.guide.agreement import noise_of
+from persfs_cl.guide.few import scatter_of
 from persfs_cl.guide.fit import Fitted, slope_of
 from persfs_cl.solver.agreed import Agreed, about, mean_focal_length
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.energy.albedo import fit_albedo
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
-from persfs_cl.solver.energy.prior import Prior
+from persfs_cl.solver.energy.prior import MOST, Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.swept import swept
 from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
@@ -27,6 +28,8 @@ from persfs_cl.surface.outcome import Status
 
 _LEAST_OF_RELIEF, _LEAST = 1e-3, 1e-7
 """Tolerance at least, as a share of the relief of the guide, and in ln depth."""
+_AGREE = 2.0
+"""Noises by which guide and surface may scatter."""
 _TRIAL = 40
 """Iterations after which the surface tells how far the guide scatters about it."""
 
@@ -69,6 +72,8 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     # Between points of a plain surface such a light tells more than they do.
     between = not (light.determines_depth and options["paint"] == "plain" and not problem.fits_albedo)
     prior = None if fitted is None else prior_of(fitted, between=between)
+    if fitted is not None and prior is not None and start is not None and not between:
+        prior = replace(prior, counts=_counts(fitted, start))
     stopping = Stopping(
         tolerance=tolerance_of(options),
         bounds=options["stopping"],
@@ -121,6 +126,17 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         departure = problem.window.spread(prior.log_depth - surface[0], np.nan)
         told = fitted.outcome(fitted.count, fitted.noise, gain, departure)
     return Attempt(problem, run, surface, None, time.perf_counter() - began, told)
+
+
+def _counts(fitted: Fitted, log_depth: Array) -> float:
+    """Pixels that a number of the guide counts as, where the image tells the depth: one, if they agree.
+
+    They do not where guide and surface scatter by much more than neighbours within the guide do: then the surface has
+    paint from the image. A common offset, which noise brings about too, is no such difference.
+    """
+    cells = fitted.cells
+    noise = min(fitted.noise, noise_of(cells.values, cells))
+    return 1.0 if scatter_of(cells.values - cells.of_surface(log_depth)) <= _AGREE * noise else MOST
 
 
 def prior_of(fitted: Fitted, *, between: bool) -> Prior:

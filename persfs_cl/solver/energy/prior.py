@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from persfs_cl.arrays import Array
 
+MOST = 64.0
+"""Pixels that a number counts as where the image does not tell the depth."""
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -22,8 +25,16 @@ class Prior:
         Of Z, above 0; infinite where a value is no more than a guess, NaN where nothing is known.
     spacing : float
         Of the numbers that it was made of, in pixels. So far apart errors have nothing to do with each other.
+    counts : float
+        Pixels that each of these numbers counts as, at most.
     """
 
     log_depth: Array
     tolerance: Array
     spacing: float = 1.0
+    counts: float = MOST
+
+    @property
+    def weight(self) -> float:
+        """Of a pixel of the prior."""
+        return min(1.0, self.counts / self.spacing**2)

@@ -127,8 +127,8 @@ def regularised(
         grid=sought.grid,
     )
     first = first - level
-    spacing = None if prior is None else prior.spacing
-    weights = weights_for(view, first, light, sought.reflectance, paint, smoothing, spacing, fitted=fitted)
+    weight = None if prior is None else prior.weight
+    weights = weights_for(view, first, light, sought.reflectance, paint, smoothing, weight, fitted=fitted)
     found = minimise(
         device,
         view,

@@ -35,7 +35,6 @@ _SMOOTHING_OF_REST = 3.0
 """Pixels to smooth over where paint has been divided out, which leaves errors of its own."""
 _NORMAL = 1.4826
 """From the median of absolute values of a normal distribution to its standard deviation."""
-_PRIOR = 64.0
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def weights_for(
     reflectance: Reflectance,
     paint: str | float,
     smoothing: float | None,
-    prior_spacing: float | None,
+    prior_weight: float | None,
     *,
     fitted: bool = False,
 ) -> Weights:
@@ -111,8 +110,8 @@ def weights_for(
         How far brightness varies beyond the shading; a number is the spread of ln albedo.
     smoothing : float or None
         Pixels to smooth over.
-    prior_spacing : float or None
-        Of the prior, in pixels; None where there is none.
+    prior_weight : float or None
+        Of a pixel of the prior; None where there is none.
     fitted : bool
         Whether paint has been divided out, so that a number for it is the spread of what is left.
     """
@@ -120,7 +119,6 @@ def weights_for(
     # Black tells of no scale.
     bright = bright[bright > 0.0] if (bright > 0.0).any() else np.ones(1)
     top = quantile(bright, _TOP)
-    prior_weight = 0.0 if prior_spacing is None else min(1.0, _PRIOR / prior_spacing**2)
     if paint == "plain":
         noise = max(noise_of(view.image, view.solved), _LEAST_NOISE * top)
         middle = median(bright)
@@ -134,7 +132,7 @@ def weights_for(
             dark=0.02 * top,
             weight=1.0,
             scale=3.0,
-            prior_weight=prior_weight,
+            prior_weight=prior_weight or 0.0,
             prior_scale=0.5,
             smoothness=(over * _SENSITIVITY * middle / sigma) ** 2,
             crease=0.2,
@@ -152,11 +150,11 @@ def weights_for(
         dark=0.02 * top,
         weight=weight,
         scale=1.8,
-        prior_weight=prior_weight,
+        prior_weight=prior_weight or 0.0,
         prior_scale=0.5,
         smoothness=weight * (over * _SENSITIVITY / spread) ** 2,
         crease=0.02,
-        white_is_free=prior_spacing is not None or not np.isnan(view.known).all(),
+        white_is_free=prior_weight is not None or not np.isnan(view.known).all(),
     )
 
 

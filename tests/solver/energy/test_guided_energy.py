@@ -92,6 +92,32 @@ def test_exact_points_do_no_harm_and_many_help_much(name: str) -> None:
             assert errors(found.depth, scene)[0] <= most * alone, (count, *given)
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_a_noisy_grid_does_little_harm_to_a_smooth_surface(name: str) -> None:
+    """Under a light that tells the depth: each of its values is one measurement."""
+    flash = ps.FlashLight()
+    scene = SCENES[name]((SIZE, SIZE), light=flash, bits=8, noise=0.01)
+    guide = guide_for(scene)
+    options: dict[str, Any] = {"light": flash, "scheme": "regularised"}
+    alone, _ = errors(ps.reconstruct(scene.image, scene.camera, **options).depth, scene)
+    found, _ = errors(ps.reconstruct(scene.image, scene.camera, guide=guide, **options).depth, scene)
+    swept, _ = errors(ps.reconstruct(scene.image, scene.camera, light=flash).depth, scene)
+    assert found < 1.3 * alone
+    assert found < 0.7 * min(swept, errors(interpolated(guide), scene)[0])
+
+
+@pytest.mark.filterwarnings("ignore:guide has most depths")
+def test_a_grid_holds_a_painted_surface_that_is_taken_for_plain() -> None:
+    flash = ps.FlashLight()
+    scene = ps.hillside((SIZE, SIZE), light=flash, bits=8)
+    checker = np.where(np.indices((SIZE, SIZE)).sum(axis=0) // 12 % 2, 0.9, 0.5)
+    found = ps.reconstruct(
+        scene.image * checker, scene.camera, light=flash, guide=guide_for(scene), scheme="regularised"
+    )
+    alone = ps.reconstruct(scene.image * checker, scene.camera, light=flash, scheme="regularised")
+    assert errors(found.depth, scene)[0] < 0.7 * errors(alone.depth, scene)[0]
+
+
 def test_noisy_points_are_smoothed() -> None:
     flash = ps.FlashLight()
     scene = ps.hillside((SIZE, SIZE), light=flash, noise=0.01)
