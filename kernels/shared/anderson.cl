@@ -140,7 +140,6 @@ __kernel void mix_values(__global real *log_depth,     /* the next Z, shape (ima
                   const int stride,
                   const int first_row,
                   const int first_column,
-                  const int height,
                   const int width,
                   const int parts)
 {
