@@ -162,6 +162,8 @@ def reconstruct(
         if threads_for(inputs.photo.image.size) > 1:
             Thread(target=load_libraries, args=(saving,)).start()
         result = solve(prepare(inputs), after_iteration)
+        # The photo as it was read takes memory that files are made in.
+        del inputs
         stopped = interrupted()
     try:
         with writing():
