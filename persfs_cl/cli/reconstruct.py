@@ -52,7 +52,8 @@ from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Options, default_tolerance
+from persfs_cl.solver.complete import default_tolerance
+from persfs_cl.solver.options import Options
 from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.writing import load_libraries

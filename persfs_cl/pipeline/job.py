@@ -332,7 +332,7 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
     ----------
     ready : PreparedJob
     options : Options
-        Complete, see :func:`persfs_cl.solver.options.complete`.
+        Complete, see :func:`persfs_cl.solver.complete.complete`.
 
     Raises
     ------
