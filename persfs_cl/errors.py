@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from persfs_cl.wording import Spelling, brief, keyword, parts, worded
+from persfs_cl.wording import Spelling, at_place, brief, keyword, marked, parts, worded
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,7 +47,7 @@ class Worded(Exception):  # noqa: N818  # no error by itself: warnings are such 
 
     def at(self: _Same, place: object) -> _Same:
         """The same, with a place before the message: an image of many, or a file."""
-        return self._saying((f"{place}: ", *self.parts))
+        return self._saying(parts(at_place(place, marked(self.parts))))
 
     def adding(self: _Same, remedy: str) -> _Same:
         """The same, with another sentence, which may mention keywords, after the message."""

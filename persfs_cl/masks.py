@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +139,23 @@ def straight_steps_from(seeds: Mask) -> Steps:
             np.minimum.accumulate(part, axis=1, out=part)
             np.add(part, columns, out=part)
     return steps
+
+
+def least_steps_to_blocks(seeds: Mask, side: int) -> Steps:
+    """For each block of side x side pixels, no more than the fewest steps from a seed to any pixel of it.
+
+    Found much sooner than :func:`straight_steps_from`. Without a seed it has no meaning.
+    """
+    steps = straight_steps_from(in_square_blocks(np.logical_or, seeds, side))
+    # Within the first and the last block of a way there may be no step to go.
+    return np.maximum(steps.astype(np.int32) * side - 2 * (side - 1), 0)
+
+
+def in_square_blocks(reduction: np.ufunc, values: NDArray[Any], side: int) -> NDArray[Any]:
+    """Reduce each block of side x side pixels, those at the ends of rows and columns being smaller, to one value."""
+    height, width = values.shape
+    rows = [reduction.reduce(values[top : top + side], axis=0) for top in range(0, height, side)]
+    return np.asarray(reduction.reduceat(np.stack(rows), range(0, width, side), axis=1))
 
 
 def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:

@@ -89,6 +89,20 @@ def worded(text: Iterable[str | Mention], spelling: Spelling = str) -> str:
     return "".join(piece if isinstance(piece, str) else spelling(piece) for piece in text)
 
 
+def at_place(place: object, text: str, between: str = "") -> str:
+    """A text with its place before it, and a colon, unless it begins with the place by itself.
+
+    Examples
+    --------
+    >>> from persfs_cl.wording import at_place
+    >>> at_place("a.png", "it is empty."), at_place("a.png", "a.png is empty.")
+    ('a.png: it is empty.', 'a.png is empty.')
+    """
+    name = str(place)
+    named = text.startswith(name) and text[len(name) : len(name) + 1] in {" ", ",", ":"}
+    return f"{between}{text}" if named else f"{name}: {between}{text}"
+
+
 def marked(text: Iterable[str | Mention]) -> str:
     """The text that :func:`parts` takes apart into this: to be put into another message."""
     return worded(text, _mark)

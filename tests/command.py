@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import persfs_cl as ps
 from persfs_cl.cli.app import app
+from persfs_cl.io.account import ACCOUNT
 from persfs_cl.io.export import write_grey
 
 FILES = {
@@ -64,7 +65,8 @@ def strict(path: Path) -> dict[str, Any]:
 
 
 def names(folder: Path) -> set[str]:
-    return {path.name for path in folder.iterdir()}
+    """What a user sees in a folder: not the account of the run."""
+    return {path.name for path in folder.iterdir()} - {ACCOUNT}
 
 
 def png(path: Path, image: NDArray[np.floating]) -> None:

@@ -8,7 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from persfs_cl.arrays import Mask
-from persfs_cl.masks import connected, missing_neighbours, rim, steps_from, straight_steps_from
+from persfs_cl.masks import (
+    connected,
+    in_square_blocks,
+    least_steps_to_blocks,
+    missing_neighbours,
+    rim,
+    steps_from,
+    straight_steps_from,
+)
 
 
 def flood_by_steps(seeds: Mask, passable: Mask) -> Mask:
@@ -64,3 +72,17 @@ def test_straight_steps_from_go_through_everything(shape: tuple[int, int]) -> No
     seeds = np.random.default_rng(sum(shape)).uniform(size=shape) > 0.8
     seeds.ravel()[3] = True
     np.testing.assert_array_equal(straight_steps_from(seeds), steps_from(seeds, np.ones(shape, bool)))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 70), (33, 64), (70, 41)])
+def test_steps_to_blocks_are_no_more_than_those_to_their_pixels(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(0)
+    for seeds in (random.random(shape) < 0.01, np.zeros(shape, bool)):
+        seeds.flat[random.integers(seeds.size)] = True
+        steps = straight_steps_from(seeds)
+        for side in (1, 8, 32):
+            fewest = in_square_blocks(np.minimum, steps, side)
+            bounds = least_steps_to_blocks(seeds, side)
+            assert bounds.shape == (-(-shape[0] // side), -(-shape[1] // side))
+            assert (bounds <= fewest).all()
+            assert (fewest - bounds < 2 * side).all()

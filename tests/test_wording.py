@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies
+from hypothesis import given, settings, strategies
 
 from persfs_cl.wording import Mention, keyword, marked, parts, worded
 
@@ -34,6 +34,7 @@ def test_a_value_is_told_in_python_and_in_a_shell(value: Any, written: str, type
     assert worded(parts(f"a {keyword('name', value)}.")) == f"a name={written}."
 
 
+@settings(max_examples=30)
 @given(strategies.lists(strategies.text() | strategies.tuples(strategies.text("abc", min_size=1), strategies.text())))
 def test_a_text_comes_apart_as_it_was_put_together(pieces: list[str | tuple[str, str]]) -> None:
     text = "".join(piece if isinstance(piece, str) else keyword(*piece) for piece in pieces)

@@ -9,7 +9,7 @@
  * of which the host finds the w_j, from products that `sum_products` gives.
  *
  * A work-item takes a row of an image. Products are summed in the order of the columns, four lanes wide whatever the
- * device has, so that all orderings whose images lie alike get the same bits. Global size (height, images).
+ * device has, so that all orderings whose images lie alike get the same bits. Global size (at least height, images).
  *
  * DEPTH  how many differences there are.
  */
@@ -77,7 +77,7 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
                            const int parts)                /* of a stored row                               */
 {
     const int row = (int)get_global_id(0), image = (int)get_global_id(1), head = heads[image];
-    if (head == IDLE)
+    if (row >= height || head == IDLE)
         return;
     const size_t line = (size_t)(first_row + row) * (size_t)stride, cells = (size_t)image * (size_t)size;
     const int differences = min(counts[image], DEPTH);
@@ -140,11 +140,12 @@ __kernel void mix_values(__global real *log_depth,     /* the next Z, shape (ima
                   const int stride,
                   const int first_row,
                   const int first_column,
+                  const int height,
                   const int width,
                   const int parts)
 {
     const int row = (int)get_global_id(0), image = (int)get_global_id(1), head = heads[image];
-    if (head == IDLE)
+    if (row >= height || head == IDLE)
         return;
     const size_t line = (size_t)(first_row + row) * (size_t)stride, cells = (size_t)image * (size_t)size;
     for (int part = 0; part < parts; ++part) {

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import Kernel, kernel
+from persfs_cl._cl.kernel import ROW_GROUP, Kernel, in_row_groups, kernel
 from persfs_cl._cl.run import Run
 
 DEPTH = 5
@@ -128,4 +128,6 @@ class Mixer:
         heads = np.full(run.images, _IDLE, np.int32)
         heads[images] = self._heads[images]
         self._values |= {"heads": upload(run.device, heads), "counts": upload(run.device, counts.copy())}
-        launched.launch(run.device, (run.layout.height, run.images), None, self._values)
+        # A row is work enough for a group of a processor.
+        rows = 1 if run.device.kind == "cpu" else min(ROW_GROUP, run.device.largest_group)
+        launched.launch(run.device, *in_row_groups(rows, run.layout.height, run.images), self._values)

@@ -18,6 +18,17 @@ from persfs_cl.errors import KernelBuildError
 
 _LOG = logging.getLogger(__name__)
 
+ROW_GROUP = 64
+"""Neighbouring cells of a row that a work-group takes, where each work-item takes its own, if a device allows it."""
+
+
+def in_row_groups(group: int, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Size of a launch of at least so many items along rows, and of its work-groups of so many.
+
+    That is one for images of all sizes: drivers for processors compile a kernel anew for each size of a group.
+    """
+    return (-(-items // group) * group, *others), (group, *(1 for _ in others))
+
 
 class Kernel:
     """A kernel that is given its arguments by name.
@@ -49,7 +60,8 @@ class Kernel:
         size : tuple of int
             Work-items.
         group : tuple of int or None
-            Work-items of a group; None leaves them to the driver.
+            Work-items of a group, the same for images of all sizes: see :func:`in_row_groups`. None leaves them to the
+            driver, for launches that are always of one size.
         values : mapping
             Buffers and numbers by name. The kernel takes those that it declares, whatever else there is.
 

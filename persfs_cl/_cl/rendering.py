@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel
 from persfs_cl._cl.parameters import records
 
 KERNEL_FILE = "render"
 """After those of the model."""
-_GROUP = 64
-"""Pixels of a row that a work-group renders."""
 
 
 def render(
@@ -47,8 +45,7 @@ def render(
             "width": width,
             "height": height,
         }
-        # Of one size for all images: drivers for processors compile a kernel anew for each.
-        group = min(_GROUP, device.largest_group)
-        rendering.launch(device, (-(-width // group) * group, height), (group, 1), values)
+        size, group = in_row_groups(min(ROW_GROUP, device.largest_group), width, height)
+        rendering.launch(device, size, group, values)
         cl.enqueue_copy(device.queue, result, values["brightness"])
     return result

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from persfs_cl._cl.buffers import upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel
 
 LEAST, HUBER, RELAXATION = 0.2, 1.5, 1.5
 """Share of the noise that a step counts at least; noises from which a datum pulls no harder; over-relaxation."""
-_GROUP = 16
-"""Work-items in a row make a multiple of this, of which drivers make vectors."""
+_BORDER = 16
+"""Stored columns beside the map, of which the first and the last must be: rows begin alike for vectors."""
 COARSEST, FINER = (6, 12), (2, 10)
 """How often the weights are renewed, and how many sweeps of both colours follow, where smoothing begins and at each
 finer level."""
@@ -82,8 +82,8 @@ class _Level:
     def __init__(self, device: Device, precision: str, right: NDArray[Any], below: NDArray[Any]) -> None:
         self._device, self._real = device, device.real(precision)
         self._shape = height, width = right.shape
-        self._items = -(-width // _GROUP) * _GROUP, height
-        self._stride = self._items[0] + _GROUP
+        self._items, self._group = in_row_groups(min(ROW_GROUP, device.largest_group), width, height)
+        self._stride = self._items[0] + _BORDER
         with in_words(device):
             self._reweigh, self._relax = (
                 kernel(device, ["smooth"], precision, None, name) for name in ("reweigh", "relax")
@@ -119,11 +119,11 @@ class _Level:
             maps = [self._upload(start) for _ in range(2)]
             values = {**self._values, "target": self._upload(target), "votes": self._upload(votes), "noise": noise}
             for _ in range(reweighings):
-                self._reweigh.launch(device, self._items, None, {**values, "map": maps[0]})
+                self._reweigh.launch(device, self._items, self._group, {**values, "map": maps[0]})
                 for _ in range(sweeps):
                     for colour in range(2):
                         taken = {"map": maps[colour], "relaxed": maps[1 - colour], "colour": colour}
-                        self._relax.launch(device, self._items, None, {**values, **taken})
+                        self._relax.launch(device, self._items, self._group, {**values, **taken})
             found = np.empty((height + 2, self._stride), self._real)
             cl.enqueue_copy(device.queue, found, maps[0])
         return found[1:-1, 1 : width + 1].astype(np.float64)

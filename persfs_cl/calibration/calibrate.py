@@ -114,9 +114,9 @@ def calibrate(
     >>> import numpy as np
     >>> import persfs_cl as ps
     >>> lamp = ps.FlashLight(gain=0.8, offset=(0.1, 0.0, 0.0))
-    >>> scene = ps.bump((80, 80), light=lamp, surface="toward", relief=0.4)
+    >>> scene = ps.bump((48, 48), light=lamp, surface="toward", relief=0.4)
     >>> photo = scene.image ** (1 / 1.2)
-    >>> rows, columns = np.random.default_rng(0).integers(5, 75, (2, 60))
+    >>> rows, columns = np.random.default_rng(0).integers(3, 45, (2, 60))
     >>> points = np.stack([columns, rows, scene.depth[rows, columns]], axis=1)
     >>> calibration = ps.calibrate([(photo, points)], scene.camera, fit="gain,exponent,lamp")
     >>> abs(calibration.exponent - 1.2) < 0.03, abs(calibration.light.gain - 0.8) < 0.02

@@ -225,7 +225,7 @@ def _truth(given: Any, pair: Pair, normals: Normals) -> tuple[Array | None, Arra
         )
     if normals == "truth":
         raise InputError.about(
-            "normals", normals, "is for a dense truth: points have no slopes. Give normals='solution'."
+            "normals", normals, f"is for a dense truth: points have no slopes. Give {keyword('normals', 'solution')}."
         )
     depths = values[:, 2]
     if not np.isfinite(values).all() or depths.min(initial=1.0) < NEAREST or depths.max(initial=1.0) > FARTHEST:
@@ -248,7 +248,7 @@ def _from_map(depth: Array, pair: Pair, normals: Normals) -> tuple[Array | None,
             "normals",
             normals,
             f"is for a dense truth: of the pixels with a known depth {share:.0%} have neighbours with one. Give "
-            "normals='solution'.",
+            f"{keyword('normals', 'solution')}.",
         )
     if share < _DENSE:
         rows, columns = np.nonzero(known)

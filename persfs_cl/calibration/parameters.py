@@ -15,7 +15,11 @@ from typing import Any
 from persfs_cl.errors import InputError
 from persfs_cl.preparation.correct import MOST_POWER
 from persfs_cl.preparation.prepare import LEAST_EXPONENT, MOST_EXPONENT
+from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.model import Light
+from persfs_cl.shading.oren_nayar import OrenNayar
+from persfs_cl.shading.parallel_light import ParallelLight
+from persfs_cl.shading.phong import Phong
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
@@ -281,31 +285,36 @@ def _gloss(start: Assumed, _depth: float) -> list[Parameter]:
     ]
 
 
+_FLASH = keyword("light", FlashLight(), written="FlashLight()")
+_PARALLEL = keyword("light", ParallelLight(), written="ParallelLight()")
+_ROUGH = keyword("reflectance", OrenNayar(0.3), written="OrenNayar(roughness=0.3)")
+_SHINY = keyword("reflectance", Phong(), written="Phong()")
+
 WORDS: dict[str, Word] = {
     "gain": Word(
-        lambda assumed: _has(assumed.light, "gain"), "is that of a flash: give FlashLight(), or fit white", _gain
+        lambda assumed: _has(assumed.light, "gain"), f"is that of a flash: give {_FLASH}, or fit white", _gain
     ),
     "white": Word(lambda assumed: assumed.light.normalised, "", _white),
     "direction": Word(
         lambda assumed: _has(assumed.light, "p0", "q0"),
-        "is that of a parallel light: give ParallelLight(), or fit lamp",
+        f"is that of a parallel light: give {_PARALLEL}, or fit lamp",
         _direction,
     ),
     "exponent": Word(lambda _assumed: True, "", _exponent),
     "lamp": Word(
         lambda assumed: _has(assumed.light, "offset") and assumed.light.determines_depth,
-        "is the place of a flash that fades with distance: give FlashLight(), or fit direction",
+        f"is the place of a flash that fades with distance: give {_FLASH}, or fit direction",
         _lamp,
     ),
     "vignetting": Word(lambda _assumed: True, "", _vignetting),
     "roughness": Word(
         lambda assumed: _has(assumed.reflectance, "roughness"),
-        "is that of a rough material: give OrenNayar(roughness=0.3), where the fit begins",
+        f"is that of a rough material: give {_ROUGH}, where the fit begins",
         _roughness,
     ),
     "gloss": Word(
         lambda assumed: _has(assumed.reflectance, "diffuse", "specular", "shininess"),
-        "is that of a shiny material: give Phong(), where the fit begins",
+        f"is that of a shiny material: give {_SHINY}, where the fit begins",
         _gloss,
     ),
 }

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from persfs_cl.wording import at_place
+
 _SHOWN = 100
 """Photos that are named, and reasons that are told, at most: the page and the table of the results have all."""
 _BEFORE = 3
@@ -64,7 +66,7 @@ class Alike:
         """
         for count, names, text in self.groups():
             if count == 1:
-                yield f"persfs-cl: {names[0]}: {of}{text}"
+                yield f"persfs-cl: {at_place(names[0], text, of)}"
                 continue
             others = " and others" if count > len(names[:_BEFORE]) else ""
             yield f"persfs-cl: {count} photos, {', '.join(names[:_BEFORE])}{others}: {of}{text}"

@@ -15,7 +15,7 @@ import persfs_cl
 from persfs_cl.cli.config import ConfiguredCommand
 from persfs_cl.cli.interrupts import answered, raising
 from persfs_cl.cli.signals import leave_at_once
-from persfs_cl.cli.spelling import WrongOption, in_words, spelling
+from persfs_cl.cli.spelling import WrongOption, in_words, meant_by, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import DeviceError, PersfsError
 from persfs_cl.wording import Spelling
@@ -66,11 +66,11 @@ persfs-cl batch photos -o results --config flash.toml --shard 2/8
 
 The folders of the photos that are done go to standard output, one a line; everything else goes to standard error. What
 failed is listed at the end, and the exit status is then 1; the others are done all the same. It is 1 too where a file
-that was asked for could not be made of a surface of this run, such as a solid of single pixels. 2: the command
-line is wrong. 3: no device is left. 130: interrupted.
+that was asked for could not be made of a surface, such as a solid of single pixels, by this run or an earlier one. 2:
+the command line is wrong. 3: no device is left. 130: interrupted.
 
-Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays. Whatever ends a run, the power included, the
-same command goes on from there.
+Ctrl-C, SIGTERM and SIGHUP drop what is in hand; what is complete stays, and is counted. Whatever ends a run, the power
+included, the same command goes on from there.
 """
 _RENDER_EPILOG = """[bold]Example[/bold]
 
@@ -173,6 +173,9 @@ class _Commands(TyperGroup):
             raise
         except typer.BadParameter as error:
             error.message = _with_value(error)
+            if error.param is not None:
+                # Click tells the word in quotes, before those that it takes.
+                error.message += meant_by(error.param.name, error.message.partition("'")[2].partition("'")[0])
             raise
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)

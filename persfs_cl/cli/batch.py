@@ -31,7 +31,8 @@ from persfs_cl.cli.options import (
     chosen_light,
     chosen_mask,
     chosen_reflectance,
-    require_fitting,
+    require_guide,
+    require_together,
 )
 from persfs_cl.cli.output import (
     DEFAULT_BASE,
@@ -65,7 +66,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
 from persfs_cl.told import hearing
-from persfs_cl.wording import Spelling
+from persfs_cl.wording import Spelling, at_place
 
 
 def _scheduler(text: str) -> str | Path:
@@ -79,6 +80,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 @configurable
 @takes(
+    require_together,
     camera=chosen_camera,
     brightness=chosen_brightness,
     light=chosen_light,
@@ -228,7 +230,7 @@ def batch(
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     share, room = _share(shard), _bytes(memory)
     paint, guided = chosen_albedo(albedo), guide is not None or guides is not None
-    require_fitting(keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guided)
+    require_guide(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guided)
     try:
         frame_slice(frames)
     except InputError as error:
@@ -260,6 +262,8 @@ def batch(
         saving=saving,
     )
     plan.require_files()
+    if not output:
+        raise typer.BadParameter("name a folder.", param_hint="'--output' / '-o'")
     store = store_for(output)
     root = store.root if isinstance(store, FolderStore) else None
     if root is not None and root.exists() and not root.is_dir():
@@ -277,30 +281,36 @@ def batch(
     if not listing.inputs:
         # Such as a path with a slip in it: nothing is made for that.
         for place, why in listing.problems:
-            typer.echo(f"persfs-cl: {place}: {in_a_line(why, spell)}", err=True)
+            typer.echo(f"persfs-cl: {at_place(place, in_a_line(why, spell))}", err=True)
         raise typer.Exit(INPUT_FAILED)
     try:
         workers = workforce(plan, store, keywords["device"], room, scheduler)
     except InputError as error:
         raise WrongOption(error) from error
-    with stop_on_interrupt("what is in hand is dropped; the same command goes on from there.") as interrupted:
-        interrupted()
-        with progress_bar(whole, tally) as show:
-            for result in whole.results(workers, interrupted):
-                tally.add(result)
-                show(f"{store}/{result.name}" if result.error is None else "")
-        stopped = interrupted()
-    tally.skipped = whole.skipped
-    typer.echo(tally.told(), err=True, nl=False)
     try:
-        names = publish(store, listing.inputs, title=title_of(paths), parameters=plan.parameters())
-    except InputError:
-        typer.echo(tally.summary(), err=True)
-        raise
+        with stop_on_interrupt("what is in hand is dropped.") as interrupted:
+            interrupted()
+            with progress_bar(whole, tally) as show:
+                for result in whole.results(workers, interrupted):
+                    tally.add(result)
+                    show(f"{store}/{result.name}" if result.error is None else "")
+            stopped = interrupted()
+        tally.skipped, tally.lacking_before = whole.skipped, whole.lacking
+        typer.echo(tally.told(), err=True, nl=False)
+        try:
+            names = publish(store, listing.inputs, title=title_of(paths), parameters=plan.parameters())
+        except InputError:
+            typer.echo(tally.summary(), err=True)
+            raise
+    except KeyboardInterrupt:
+        tally.skipped = whole.skipped
+        typer.echo(f"persfs-cl: {tally.left(whole.total)}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
     typer.echo(f"{tally.summary()} See {store}/{names[0]}.", err=True)
     if stopped:
+        typer.echo(f"persfs-cl: {tally.left(whole.total)}", err=True)
         raise typer.Exit(INTERRUPTED)
-    if tally.failed or tally.lacking:
+    if tally.failed or tally.lacking or tally.lacking_before:
         raise typer.Exit(INPUT_FAILED)
 
 

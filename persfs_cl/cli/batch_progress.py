@@ -45,6 +45,7 @@ class Tally:
     warned: int = 0
     unfinished: int = 0
     lacking: int = 0
+    lacking_before: int = 0
     failures: Alike = field(default_factory=lambda: Alike(every_name=True))
     warnings: Alike = field(default_factory=lambda: Alike(every_name=False))
     began: float = field(default_factory=time.perf_counter)
@@ -56,9 +57,9 @@ class Tally:
             self.failures.add(result.name, result.path, in_a_line(result.error, self.spell))
             return
         self.done += 1
-        self.warned += bool(result.record.warnings)
-        for warning in dict.fromkeys(result.record.warnings):
-            self.warnings.add(result.name, result.path, in_a_line(warning, self.spell))
+        self.warned += bool(result.warnings)
+        for warning in dict.fromkeys(in_a_line(warning, self.spell) for warning in result.warnings):
+            self.warnings.add(result.name, result.path, warning)
         self.lacking += bool(self.saving.lacking(result.record.files))
         self.unfinished += result.record.converged != "CONVERGED"
 
@@ -67,12 +68,17 @@ class Tally:
         seconds = time.perf_counter() - self.began
         rate = f", {self.done / seconds:.3g} a second" if self.done and seconds > 0 else ""
         parts = [f"{self.done} done in {seconds:.1f} s{rate}"]
-        parts += [f"{self.skipped} were done before"] * bool(self.skipped)
+        lacking = f", {self.lacking_before} without a file that was asked for" if self.lacking_before else ""
+        parts += [f"{self.skipped} were done before{lacking}"] * bool(self.skipped)
         parts += [f"{self.failed} failed"] * bool(self.failed)
         parts += [f"{self.unfinished} not converged"] * bool(self.unfinished)
         parts += [f"{self.lacking} without a file that was asked for"] * bool(self.lacking)
         parts += [f"{self.warned} with warnings"] * bool(self.warned)
         return f"{', '.join(parts)}."
+
+    def left(self, total: int) -> str:
+        """A sentence about a run that was interrupted."""
+        return f"Interrupted: {self.done + self.skipped} of {total} are done. The same command goes on from there."
 
     def told(self) -> str:
         """What was warned of, and what failed, and why: that as a table on a terminal, else as lines."""

@@ -14,23 +14,34 @@ from typing import Any, TypeVar
 _Chosen = TypeVar("_Chosen")
 
 
-def takes(**choosers: Callable[..., Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def takes(
+    together: Callable[..., None] = lambda **_chosen: None, /, **choosers: Callable[..., Any]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command the options of choosers, and in their place, under a parameter's name, what each has chosen.
 
-    The choosers are called in the order in which they are given.
+    The choosers are called in the order in which they are given. Then `together` is called with all that they have
+    chosen, and refuses what does not go together. What is decorated has both alone as its attribute `check`: a function
+    of the options' values, others besides.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         options = {name: signature(chooser) for name, chooser in choosers.items()}
         own = inspect.signature(command, eval_str=True).parameters
 
-        @functools.wraps(command)
-        def run(**values: Any) -> None:
-            chosen = {
+        def chosen(values: dict[str, Any]) -> dict[str, Any]:
+            found = {
                 name: chooser(**{option: values.pop(option) for option in options[name]})
                 for name, chooser in choosers.items()
             }
-            command(**values, **chosen)
+            together(**found)
+            return found
+
+        @functools.wraps(command)
+        def run(**values: Any) -> None:
+            things = chosen(values)
+            command(**values, **things)
+
+        run.check = lambda **values: chosen(values)  # type: ignore[attr-defined]
 
         parameters = [
             option for name, each in own.items() for option in (options[name].values() if name in options else [each])

@@ -148,8 +148,12 @@ def _beside_points(
     brightness = None
     if photo is not None:
         image = read_photo(photo, channel=channel, encoding=encoding).image
-        if other is None and image.shape != shape:
-            raise InputError(f"{photo} has shape {image.shape}, but {depth} {shape}: give the photo that it is from.")
+        expected = shape if other is None else other.photo_shape
+        if image.shape != expected:
+            told = f"{depth} has" if other is None else f"by the {CAMERA} beside it {depth} comes of one of"
+            raise InputError(
+                f"{photo} has shape {image.shape}, but {told} shape {expected}: give the photo that it is from."
+            )
         # Black would lie at infinity, and is left out.
         brightness = at_points(np.where(image > 0, image, np.nan), given)
     try:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -21,6 +22,7 @@ from typer.core import TyperCommand
 from persfs_cl.cli.choosers import signature, with_signature
 from persfs_cl.cli.settings import Setting, WrongValue, as_toml, dumped, settings_of
 from persfs_cl.cli.spelling import WrongOption, spelling
+from persfs_cl.errors import PersfsError
 
 _CONFIG, _DUMP = "config", "dump_config"
 _APART = (_CONFIG, _DUMP, "output")
@@ -88,12 +90,12 @@ class ConfiguredCommand(TyperCommand):
         Raises
         ------
         typer.BadParameter
-            When a file, or what stands in it, cannot be used.
+            When a file, or what stands in it, cannot be used; with --dump-config, when options contradict each other.
         typer.Exit
             After --dump-config.
         """
         if not any(parameter.name == _CONFIG for parameter in self.params):
-            return super().parse_args(ctx, args)
+            return self._parsed(ctx, args)
         given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
         if given.get("help"):
             return super().parse_args(ctx, args)
@@ -103,13 +105,30 @@ class ConfiguredCommand(TyperCommand):
         ctx.meta[__name__] = in_force
         ctx.default_map = {name: one.value for name, one in in_force.items()}
         if not given.get(_DUMP):
-            return super().parse_args(ctx, args)
+            return self._parsed(ctx, args)
         # It is a question about options: what is required besides need not be there.
         relaxed = copy.copy(self)
         relaxed.params = [_optional(parameter) for parameter in self.params]
         super(ConfiguredCommand, relaxed).parse_args(ctx, args)
+        self._require_usable(ctx)
         typer.echo(dumped(settings.values(), ctx.params, ctx.command_path).encode(), nl=False)
         raise typer.Exit
+
+    def _parsed(self, ctx: Any, args: list[str]) -> list[str]:
+        """As the class above does it, but for what it says of arguments too many."""
+        ctx.allow_extra_args = True
+        rest = super().parse_args(ctx, args)
+        if ctx.args and not ctx.resilient_parsing:
+            ctx.fail(self._why_too_many(ctx.args))
+        return rest
+
+    def _why_too_many(self, extra: list[str]) -> str:
+        taken = " ".join(each.metavar or "" for each in self.params if each.param_type_name == "argument")
+        text = (
+            f"{' '.join(extra)} is too much: 'persfs-cl {self.name}' takes {taken or 'options alone'}. A name with "
+            "spaces goes in quotes."
+        )
+        return f"{text} For several photos there is 'persfs-cl batch'." if self.name == "reconstruct" else text
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, so that it fits a terminal of 80 columns."""
@@ -122,6 +141,16 @@ class ConfiguredCommand(TyperCommand):
         """Say of an option that cannot be used in which file it stands."""
         try:
             return super().invoke(ctx)
+        except typer.BadParameter as error:
+            self._say_where(ctx, error)
+            raise
+
+    def _require_usable(self, ctx: Any) -> None:
+        """Refuse options that contradict each other: a file of them would be of no use. What they lack may follow."""
+        try:
+            # A file that is named, such as a camera's, need not be there yet.
+            with suppress(PersfsError):
+                getattr(self.callback, "check", lambda **_values: None)(**ctx.params)
         except typer.BadParameter as error:
             self._say_where(ctx, error)
             raise

@@ -43,13 +43,16 @@ def kind_chooser(
         impossible.
     """
     numbers = _numbers(kinds)
+    usual = next(iter(kinds))
 
     def choose(**values: Any) -> _Kind:
         name = values.pop(option)
         given = {field: value for field, value in values.items() if value is not None}
         for field in given:
             if name not in (owners := numbers[field].owners):
-                message = f"goes with --{option} {' or '.join(owners)}, not {name}: leave it out."
+                # Nobody types the default.
+                verb, needed = "add" if name == usual else "give", f"--{option} {' or '.join(owners)}"
+                message = f"goes with {needed}, not {name}: {verb} {needed}, or leave it out."
                 raise typer.BadParameter(message, param_hint=numbers[field].hint)
         for field, number in numbers.items():
             if number.needed_by(name) and field not in given:
@@ -65,7 +68,7 @@ def kind_chooser(
     choices: Any = Literal[tuple(kinds)]
     summaries = " ".join(f"{name}: {kind.summary}." for name, kind in kinds.items())  # type: ignore[attr-defined]
     typed = typer.Option(f"--{option}", help=summaries, rich_help_panel=panel)
-    first = Parameter(option, Parameter.KEYWORD_ONLY, default=next(iter(kinds)), annotation=Annotated[choices, typed])
+    first = Parameter(option, Parameter.KEYWORD_ONLY, default=usual, annotation=Annotated[choices, typed])
     return with_signature(choose, [first, *(number.parameter(panel, naming) for number in numbers.values())])
 
 

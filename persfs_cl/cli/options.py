@@ -188,23 +188,15 @@ def chosen_guide(file: Path | None, unit: float) -> GuideFile | None:
         raise WrongOption(error) from error
 
 
-def require_fitting(
-    keywords: Options,
-    light: Light,
-    reflectance: Reflectance,
-    brightness: Brightness,
-    *,
-    albedo: Path | Literal["fit"] | None,
-    guide_unit: float,
-    guided: bool,
+def require_together(
+    *, keywords: Options, light: Light, reflectance: Reflectance, brightness: Brightness, **_others: object
 ) -> None:
-    """Refuse what does not go together, before any file is read.
+    """Refuse options that contradict each other, whatever else is given.
 
     Raises
     ------
     typer.BadParameter
-        When the light leaves nothing to normalise, or does not fit the other keywords; when there is no guide, and
-        something wants one, or tells of it.
+        When the light leaves nothing to normalise, or does not fit the other keywords, or these each other.
     """
     for option, value in (
         ("'--normalise'", brightness.normalise),
@@ -214,9 +206,28 @@ def require_fitting(
         if value not in (None, "none") and not light.normalised:
             raise typer.BadParameter("under a flash nothing is normalised: leave it out.", param_hint=option)
     try:
-        options = complete({**keywords, "light": light, "reflectance": reflectance})
+        complete({**keywords, "light": light, "reflectance": reflectance})
     except InputError as error:
         raise WrongOption(error) from error
+
+
+def require_guide(
+    keywords: Options,
+    light: Light,
+    reflectance: Reflectance,
+    *,
+    albedo: Path | Literal["fit"] | None,
+    guide_unit: float,
+    guided: bool,
+) -> None:
+    """Refuse what wants a guide, or tells of it, where there is none, before any file is read.
+
+    Raises
+    ------
+    typer.BadParameter
+        Then.
+    """
+    options = complete({**keywords, "light": light, "reflectance": reflectance})
     if light.unknown is not None and not guided:
         raise typer.BadParameter(
             f"it is unknown, and found from a guide only: give '--guide', or the {light.unknown}.",
@@ -320,7 +331,8 @@ def _distortion(text: str | None) -> Distortion | None:
         model = MODELS[name]
         # The last may be left out.
         counts = range(1, max(model.counts) + 1)
-        return model.kind(*finite_numbers("--distortion", numbers, f"{model.wanted}, behind {name}:", counts))
+        most = f"up to {counts[-1]} numbers, " if len(counts) > 1 else ""
+        return model.kind(*finite_numbers("--distortion", numbers, f"{most}{model.wanted}, behind {name}:", counts))
     meaning = f"4, 5, 8, 12 or 14 numbers, or {': or '.join(MODELS)}: and its numbers"
     return as_distortion(finite_numbers("--distortion", text, meaning, (4, 5, 8, 12, 14)))
 

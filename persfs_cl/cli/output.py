@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ import typer
 
 from persfs_cl.cli.spelling import WrongOption
 from persfs_cl.errors import InputError
+from persfs_cl.io.account import ACCOUNT
 from persfs_cl.io.files import is_temporary
 from persfs_cl.surface.formats import FORMATS, GROUPS
 from persfs_cl.surface.saving import Saving
@@ -71,8 +73,16 @@ def chosen_saving(save: str, mesh_faces: int, *, solid: bool, width: float, base
     return saving
 
 
-def check_folder(folder: Path, *, overwrite: bool) -> None:
+def check_folder(folder: Path, *, overwrite: bool, own: Collection[str] | None = None) -> None:
     """Refuse a folder that results cannot go to. Creates nothing.
+
+    Parameters
+    ----------
+    folder : Path
+    overwrite : bool
+        Whether it may hold something.
+    own : collection of str, optional
+        Of a command without --overwrite: names of what it may hold, hidden files besides.
 
     Raises
     ------
@@ -82,13 +92,35 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
     try:
         if folder.exists() and not folder.is_dir():
             raise typer.BadParameter(f"{folder} is a file: name a folder.", param_hint=_OPTION)
-        if folder.exists() and not overwrite and not all(map(is_temporary, folder.iterdir())):
-            raise typer.BadParameter(
-                f"the folder {folder} is not empty: choose another, or add --overwrite.", param_hint=_OPTION
-            )
+        if folder.exists() and not overwrite:
+            held = [path for path in folder.iterdir() if not _is_unseen(path)]
+            if own is not None and [path for path in held if path.name not in own and not path.name.startswith(".")]:
+                raise typer.BadParameter(f"the folder {folder} holds other things: choose another.", param_hint=_OPTION)
+            if own is None and held:
+                raise typer.BadParameter(
+                    f"the folder {folder} is not empty: choose another, or add --overwrite.", param_hint=_OPTION
+                )
         _check_writable(folder)
     except OSError as error:
         raise typer.BadParameter(f"{folder} cannot be written: {error.strerror}.", param_hint=_OPTION) from error
+
+
+def check_inputs(folder: Path, saving: Saving, inputs: Iterable[Path]) -> None:
+    """Refuse a folder in which a result would take the place of something that it is made from.
+
+    Raises
+    ------
+    typer.BadParameter
+        Then.
+    """
+    read = {file.resolve() for file in inputs}
+    for name in saving.files:
+        if (folder / name).resolve() in read:
+            raise typer.BadParameter(
+                f"{folder / name} is an input, and a result has this name: choose another folder, or leave {name} out "
+                "of --save.",
+                param_hint=_OPTION,
+            )
 
 
 def check_file(file: Path, suffixes: tuple[str, ...], *, overwrite: bool) -> None:
@@ -109,6 +141,11 @@ def check_file(file: Path, suffixes: tuple[str, ...], *, overwrite: bool) -> Non
         _check_writable(file.parent)
     except OSError as error:
         raise typer.BadParameter(f"{file} cannot be written: {error.strerror}.", param_hint=_OPTION) from error
+
+
+def _is_unseen(path: Path) -> bool:
+    """Whether a file in a folder is there for the package alone."""
+    return is_temporary(path) or path.name == ACCOUNT
 
 
 def _check_writable(folder: Path) -> None:

@@ -31,7 +31,8 @@ from persfs_cl.cli.options import (
     chosen_light,
     chosen_mask,
     chosen_reflectance,
-    require_fitting,
+    require_guide,
+    require_together,
 )
 from persfs_cl.cli.output import (
     DEFAULT_BASE,
@@ -42,13 +43,16 @@ from persfs_cl.cli.output import (
     SolidOption,
     WidthOption,
     check_folder,
+    check_inputs,
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
+from persfs_cl.io.account import superseded
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve
 from persfs_cl.pipeline.optics import CameraChoice
+from persfs_cl.pipeline.plan import sources
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
@@ -60,9 +64,13 @@ from persfs_cl.surface.writing import load_libraries
 
 _REGION = "Region and known values"
 
+_MANY = 0.25
+"""Share of pixels without a bound on the slope beyond which shadow and paint are no likely reason."""
+
 
 @configurable
 @takes(
+    require_together,
     camera=chosen_camera,
     brightness=chosen_brightness,
     light=chosen_light,
@@ -78,7 +86,7 @@ def reconstruct(
     ],
     *,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace earlier results in a folder that is not empty.")
+        bool, typer.Option("--overwrite", help="Replace an earlier run's results; files that are of none stay.")
     ] = False,
     camera: CameraChoice,
     light: Light,
@@ -126,9 +134,7 @@ def reconstruct(
     """
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     paint = chosen_albedo(albedo)
-    require_fitting(
-        keywords, light, reflectance, brightness, albedo=paint, guide_unit=guide_unit, guided=guide is not None
-    )
+    require_guide(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guide is not None)
     nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,
@@ -148,6 +154,11 @@ def reconstruct(
         size=size,
     )
     check_folder(output, overwrite=overwrite)
+    inputs = tuple(sources(job).values())
+    check_inputs(output, saving, inputs)
+    if camera.table is not None:
+        # One of an earlier run may stay, or make room for this run's, which says the same.
+        inputs += (camera.table,)
     keep_freed_memory()
     tolerance, stopping = keywords["tolerance"], keywords["stopping"]
     if tolerance is None:
@@ -159,29 +170,30 @@ def reconstruct(
             show(iteration, change)
             return interrupted()
 
-        inputs = read_job(job)
-        if threads_for(inputs.photo.image.size) > 1:
+        read = read_job(job)
+        if threads_for(read.photo.image.size) > 1:
             Thread(target=load_libraries, args=(saving,)).start()
-        result = solve(prepare(inputs), after_iteration)
-        # The photo as it was read takes memory that files are made in.
-        del inputs
+        result = solve(prepare(read), after_iteration)
+        # It takes memory that files are made in.
+        del read
         stopped = interrupted()
     try:
         with writing():
-            files = write(result, output, saving, threads=threads_for(result.solution.depth.size))
+            files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)
     except KeyboardInterrupt:
         stopped = True
         saving = saving.without("pictures", "page")
         if not saving.files:
             raise
-        earlier = " Those in the folder are of an earlier run." if any(output.glob("*.png")) else ""
+        left = {file.name for file in output.glob("*.png")} - superseded(output, saving.files, inputs)
+        earlier = " Those in the folder are of an earlier run." if left else ""
         typer.echo(
             f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{earlier} Ctrl-C again to "
             "leave without.",
             err=True,
         )
         with writing():
-            files = write(result, output, saving, threads=threads_for(result.solution.depth.size))
+            files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)
     for file in files:
         typer.echo(file)
     typer.echo(_summary(result), err=True)
@@ -203,6 +215,32 @@ def _distance(distance: float) -> str:
     if math.isnan(distance):
         return ""
     return f"By the rate of the last iterations, further ones would change the depth by up to {100 * distance:.1g} %.\n"
+
+
+def _too_dark(clamped: int, solved: int, light: Light) -> str:
+    """What pixels without a bound of their own on the slope say of the light, and what helps where they are many."""
+    share = clamped / solved
+    counted = f"{clamped} pixels, {100 * share:.2g} % of those with a depth,"
+    if share <= _MANY:
+        return (
+            f"{counted} are too dark for the light, and only --max-slope bounds their slope: mask them out if they are "
+            "shadow or paint."
+        )
+    if light.normalised and light.cosine_of_ground < 1.0:
+        return (
+            f"{counted} are darker than level ground, and under a slanting light only --max-slope bounds their slope. "
+            "Check --p0 and --q0, and on open ground give --normalise level; where noise or shadow leads astray, "
+            "--guide with --scheme regularised."
+        )
+    check = (
+        "--p0 and --q0 for one from the side, --light flash for a lamp at the camera"
+        if light.normalised
+        else "--lamp for one beside the lens, --light parallel for one far away"
+    )
+    return (
+        f"{counted} are too dark for the light, and only --max-slope bounds their slope. With so many the light is "
+        f"hardly the one that was told, or they are background. Check it: {check}. Mask out the background."
+    )
 
 
 def _summary(result: PhotoSolution) -> str:
@@ -233,10 +271,7 @@ def _summary(result: PhotoSolution) -> str:
         text += f"  from the prepared photo ({prepared}) by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f},\n"
     text += f"  from the photo itself by ME {photo.mean:.2f}, RS {photo.root_mean_square:.2f}."
     if clamped := int(solution.clamped.sum()):
-        text += (
-            f"\n{clamped} pixels are too dark for the light, and only --max-slope bounds their slope: "
-            "mask them out if they are shadow or paint."
-        )
+        text += f"\n{_too_dark(clamped, int(solution.solved.sum()), solution.light)}"
     if (fit := solution.guide) is not None:
         gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
         text += (

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 import typer
 
+from persfs_cl.cli.spelling import meant_by
 from persfs_cl.wording import brief
 
 _WIDTH = 110
@@ -96,7 +97,7 @@ class Setting:
     def _one(self, value: Any, folder: Path) -> Any:
         words = get_args(self.kind)
         if words and value not in words:
-            raise WrongValue(f"give one of {', '.join(map(as_toml, words))}.")
+            raise WrongValue(f"give one of {', '.join(map(as_toml, words))}.{meant_by(self.parameter, str(value))}")
         if self.kind is str:
             text = _text(value)
             return self.path.at(folder, text) if self.path else text

@@ -16,6 +16,32 @@ _KINDS = {kind.__name__: name for kinds in (LIGHTS, MATERIALS) for name, kind in
 """What is typed for values that are told by their type."""
 
 
+_SEVERAL = {"depth_range": ("near", "far")}
+"""Keywords for which a command has an option for each of their parts."""
+
+_UNKNOWN = "unknown"
+"""What is typed for None, where an option takes it."""
+
+
+_SUN = (
+    "Give --light parallel, and its direction by --p0 and --q0: --p0 1 is a sun on the left, 45 degrees from the view."
+)
+_LAMP = "Give --light flash for a lamp at the camera, and --lamp for one beside the lens."
+_MEANT = {
+    "light": {
+        **dict.fromkeys(("sun", "sunlight", "daylight", "directional", "distant"), _SUN),
+        **dict.fromkeys(("lamp", "torch", "point", "led", "endoscope"), _LAMP),
+    }
+}
+"""What helps those who name a choice by another word, by the parameter and the word."""
+
+
+def meant_by(parameter: str | None, word: str) -> str:
+    """What to give where a word is none of the choices, to be put after the message; mostly nothing."""
+    remedy = _MEANT.get(parameter or "", {}).get(word.lower())
+    return f" {remedy}" if remedy else ""
+
+
 class WrongOption(typer.BadParameter):
     """An error of the library about what stands on the command line."""
 
@@ -41,7 +67,10 @@ def spelling(parameters: Iterable[Any]) -> Spelling:
     def spell(mention: Mention) -> str:
         option = options.get(mention.keyword)
         if option is None:
-            return str(mention)
+            several = [options[name] for name in _SEVERAL.get(mention.keyword, ()) if name in options]
+            return "/".join(each.opts[0] for each in several) or str(mention)
+        if mention.value == "None" and _UNKNOWN in (option.metavar or ""):
+            return f"{option.opts[0]} {_UNKNOWN}"
         if mention.value == "False" and option.secondary_opts:
             return str(option.secondary_opts[0])
         return f"{option.opts[0]} {mention.typed or _KINDS.get(mention.kind, '')}".rstrip()

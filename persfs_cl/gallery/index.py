@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
+from persfs_cl.gallery.summary import SUMMARY
 from persfs_cl.io.files import atomic_path
 from persfs_cl.surface.formats.pictures import PAGE
 from persfs_cl.surface.views.pages import drawing_script, json_in_page, page_file, parts
@@ -26,6 +27,7 @@ def write_index(
     *,
     title: str,
     parameters: Mapping[str, Any] | None = None,
+    elsewhere: str | None = SUMMARY,
 ) -> Path:
     """Write index.html: a table of all images, and the relief of each, which can be turned.
 
@@ -43,6 +45,8 @@ def write_index(
     title : str
     parameters : mapping, optional
         What all images have in common, by name; mappings among them are written as "light.kind".
+    elsewhere : str or None
+        The file beside it that has the figures, for those whose browser runs no scripts, if there is one.
 
     Returns
     -------
@@ -56,6 +60,12 @@ def write_index(
     """
     target = output / PAGE
     counts = _Counts()
+    texts = {
+        "title": html.escape(title),
+        "style": _file("page.css"),
+        "script": _script(),
+        "without": "This page needs JavaScript." + (f" {elsewhere} has the same figures." if elsewhere else ""),
+    }
     with (
         atomic_path(target) as temporary,
         # A title may have letters that no file can hold.
@@ -71,7 +81,7 @@ def write_index(
                 about = {"title": title, "total": counts.total, "failed": counts.failed}
                 file.write(json_in_page({**about, "parameters": dict(_flat(parameters or {}))}))
             else:
-                file.write({"title": html.escape(title), "style": _file("page.css"), "script": _script()}[part])
+                file.write(texts[part])
     return target
 
 

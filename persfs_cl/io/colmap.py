@@ -78,6 +78,11 @@ def read_colmap_cameras(path: Path) -> dict[int, ColmapCamera]:
             numbers = tuple(map(float, fields[4:]))
         except (ValueError, IndexError) as error:
             raise _odd(path, number, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS") from error
+        if min(width, height) < 1:
+            raise InputError(
+                f"{path}, line {number}, has images of {width} x {height} pixels: give the width and height that "
+                "COLMAP wrote, both 1 at least."
+            )
         if identity in cameras:
             raise InputError(f"{path}, line {number}, is the second with camera {identity}: leave one of them out.")
         if model not in _MODELS:

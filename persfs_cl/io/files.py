@@ -23,7 +23,7 @@ import stat
 import tempfile
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import groupby
 from pathlib import Path
@@ -117,7 +117,9 @@ def atomic_path(target: FilePath) -> Iterator[Path]:
 
 
 @contextmanager
-def filling(folder: FilePath) -> Iterator[Path]:
+def filling(
+    folder: FilePath, superseded: Callable[[Iterable[str]], Iterable[str]] = lambda _names: ()
+) -> Iterator[Path]:
     """A temporary folder whose files become those of `folder` once the block has ended without an error.
 
     Whatever ends the block early, Ctrl-C included, leaves `folder` and the folders above it as they were. What killed
@@ -127,6 +129,8 @@ def filling(folder: FilePath) -> Iterator[Path]:
     ----------
     folder : path
         Made if needed, with the folders above it; files of the same names in it are replaced, others stay.
+    superseded : callable
+        Is given the names of the new files, and returns those of the others that go when these come.
 
     Yields
     ------
@@ -149,7 +153,9 @@ def filling(folder: FilePath) -> Iterator[Path]:
                 yield Path(temporary)
             except InputError as error:
                 raise InputError(str(error).replace(temporary, str(final))) from error
-            _move(list(Path(temporary).iterdir()), final)
+            new_files = sorted(Path(temporary).iterdir())
+            gone = [final / name for name in superseded([file.name for file in new_files])]
+            _move(new_files, final, gone)
     except BaseException as error:
         for place in new:
             with suppress(OSError):
@@ -397,14 +403,27 @@ def _kind(mode: int) -> str:
     return kinds.get(stat.S_IFMT(mode), "something else")
 
 
-def _move(files: list[Path], folder: Path) -> None:
+def _move(files: list[Path], folder: Path, gone: list[Path]) -> None:
     targets = [folder / file.name for file in files]
     # All are looked at before the first file is moved.
     for target in targets:
         if target.is_dir():
             raise InputError(f"{target} is a folder and cannot be replaced: choose another path.")
-    for file, target in zip(files, targets, strict=True):
-        file.replace(target)
+
+    def move() -> None:
+        # First what goes: at no time do old files stand beside new ones that took their place.
+        for old in gone:
+            old.unlink(missing_ok=True)
+        for file, target in zip(files, targets, strict=True):
+            if file.exists():
+                file.replace(target)
+
+    try:
+        move()
+    except KeyboardInterrupt:
+        # It came when all was made: half of it in place would be neither the old nor the new.
+        move()
+        raise
 
 
 def _empty(path: FilePath) -> InputError:

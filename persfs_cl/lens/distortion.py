@@ -10,7 +10,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.errors import CameraError
 from persfs_cl.lens.fisheye import Fisheye
 from persfs_cl.lens.models import OPENCV, lens_of, model_of
-from persfs_cl.lens.numbers import Lens, finite
+from persfs_cl.lens.numbers import MOST, Lens, finite
 from persfs_cl.lens.opencv import opencv
 
 _COUNTS = (4, 5, 8, 12, 14)
@@ -45,8 +45,8 @@ def as_distortion(given: Any) -> Distortion | None:
         raise CameraError.about(
             "distortion",
             given,
-            "is impossible: give 4, 5, 8, 12 or 14 numbers, k1, k2, p1, p2, k3, ..., or a Fisheye, as OpenCV's "
-            "calibration does.",
+            f"is impossible: give 4, 5, 8, 12 or 14 numbers up to {MOST:,.0f}, k1, k2, p1, p2, k3, ..., or a Fisheye, "
+            "as OpenCV's calibration does.",
         )
     return found if any(found) else None
 

@@ -42,7 +42,13 @@ class FieldOfView(Lens):
     def __post_init__(self) -> None:
         super().__post_init__()
         if abs(self.omega) >= math.pi:
-            raise CameraError.about("distortion", self, "is impossible: its angle is in radians, and between -π and π.")
+            degrees = math.radians(self.omega)
+            raise CameraError.about(
+                "distortion",
+                self,
+                f"is impossible, with {self.omega:g} for ω: give radians, between -π and π (3.14159); {self.omega:g} "
+                f"degrees are {degrees:.4g}.",
+            )
 
 
 def draw(lens: FieldOfView, places: Array) -> Array:

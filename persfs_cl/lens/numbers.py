@@ -10,7 +10,7 @@ import numpy as np
 from persfs_cl.checks import finite_numbers
 from persfs_cl.errors import CameraError
 
-_MOST = 1e6
+MOST = 1e6
 """A coefficient that is larger is none."""
 
 
@@ -23,7 +23,10 @@ class Lens:
             found = finite(value)
             if found is None or len(found) != 1:
                 raise CameraError.about(
-                    "distortion", value, f"is impossible: {field.name} of {type(self).__name__} is a number."
+                    "distortion",
+                    value,
+                    f"is impossible for {field.name} of {type(self).__name__}: give a number between -{MOST:,.0f} and "
+                    f"{MOST:,.0f}, as a calibration finds it, or 0 where it is not known.",
                 )
             object.__setattr__(self, field.name, found[0])
 
@@ -43,4 +46,4 @@ def finite(given: Any) -> tuple[float, ...] | None:
     # OpenCV's own functions return them as a row or a column.
     flat = given.ravel() if isinstance(given, np.ndarray) and given.size == max(given.shape, default=1) else given
     found = finite_numbers(flat)
-    return None if found is None or not found or max(map(abs, found)) > _MOST else found
+    return None if found is None or not found or max(map(abs, found)) > MOST else found

@@ -142,7 +142,7 @@ def _table(path: Path, rows: Iterable[tuple[str, str, Mapping[str, Any]]]) -> Ca
         if key in found:
             raise InputError(f"{place}, has {name!r} again after {places[key]}: leave one of them out.")
         try:
-            found[key] = replace(_choice(row), table=path.name)
+            found[key] = replace(_choice(row), table=path)
         except (CameraError, InputError) as error:
             # The words of a table are not those of a command's options.
             raise type(error)(f"{place}, {name!r}: {error}") from error
@@ -326,7 +326,7 @@ def _read_colmap(path: Path) -> CameraTable:
 
 
 def _colmap_choice(path: Path, line: int, camera: Calibrated) -> CameraChoice:
-    return replace(CameraChoice.like(camera_from(f"{path}, line {line}", camera)), size=camera.size, table=path.name)
+    return replace(CameraChoice.like(camera_from(f"{path}, line {line}", camera)), size=camera.size, table=path)
 
 
 def _key(path: str) -> str:

@@ -13,7 +13,7 @@ import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime, timezone
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from typing import Any, Literal, NamedTuple
 
@@ -110,11 +110,26 @@ class Known(NamedTuple):
     stamps: Stamps
     finished: str
     path: str
+    files: tuple[str, ...]
 
     @classmethod
     def of(cls, record: Record) -> Known:
         """Of a record."""
-        return cls(record.status, record.input_hash, record.parameter_hash, record.stamps, record.finished, record.path)
+        return cls(
+            record.status,
+            record.input_hash,
+            record.parameter_hash,
+            record.stamps,
+            record.finished,
+            record.path,
+            _one_for_all(record.files),
+        )
+
+
+@lru_cache(maxsize=256)
+def _one_for_all(files: tuple[str, ...]) -> tuple[str, ...]:
+    """The same names as one object: most images of a batch have them."""
+    return files
 
 
 @cache

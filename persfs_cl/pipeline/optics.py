@@ -34,7 +34,7 @@ class CameraChoice:
         Column and row in pixels.
     size : (int, int) or None
         (height, width) of the images that this was said of; one of another size is refused.
-    table : str or None
+    table : Path or None
         The file that says all this, if a file does. It makes no difference to the camera.
     distortion : tuple of float, Fisheye or None
         Of the lens, as for :class:`persfs_cl.Camera`.
@@ -44,7 +44,7 @@ class CameraChoice:
     fov: float | None = None
     principal_point: tuple[float, float] | None = None
     size: tuple[int, int] | None = None
-    table: str | None = field(default=None, compare=False)
+    table: Path | None = field(default=None, compare=False)
     distortion: Distortion | None = None
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class CameraChoice:
             When it cannot be used.
         """
         calibrated = read_camera(path)
-        return replace(cls.like(camera_from(path, calibrated)), size=calibrated.size, table=path.name)
+        return replace(cls.like(camera_from(path, calibrated)), size=calibrated.size, table=path)
 
     @property
     def said(self) -> dict[str, Any]:
@@ -107,9 +107,10 @@ class CameraChoice:
         """
         if self.size is not None and self.size != tuple(shape):
             turned = " It may have been turned by its EXIF data." if self.size == tuple(shape)[::-1] else ""
+            said_in = "the table" if self.table is None else self.table.name
             raise CameraError(
-                f"{path} has {shape[1]} × {shape[0]} pixels, but its camera in {self.table or 'the table'} is for "
-                f"{self.size[1]} × {self.size[0]}: give the photo that the camera was calibrated with.{turned}"
+                f"{path} has {shape[1]} × {shape[0]} pixels, but its camera in {said_in} is for {self.size[1]} × "
+                f"{self.size[0]}: give the photo that the camera was calibrated with.{turned}"
             )
         if self.fov is not None:
             return Camera.from_fov(self.fov, shape, self.principal_point), self._source("fov")
@@ -130,7 +131,7 @@ class CameraChoice:
         return camera, self._source("focal_length")
 
     def _source(self, name: str) -> str:
-        return name if self.table is None else f"{name} of {self.table}"
+        return name if self.table is None else f"{name} of {self.table.name}"
 
 
 def horizontal_view(camera: Camera, shape: tuple[int, int]) -> float:

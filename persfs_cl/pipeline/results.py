@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array
 from persfs_cl.gallery.index import write_index
+from persfs_cl.io.account import give_account, superseded
 from persfs_cl.io.files import filling
 from persfs_cl.metrics import Errors
 from persfs_cl.preparation.prepared import PreparedPhoto
 from persfs_cl.surface.formats.pictures import PAGE, PREVIEW
+from persfs_cl.surface.formats.records import REPORT
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
 from persfs_cl.surface.solved import Derived
@@ -115,7 +117,13 @@ class PhotoSolution:
 
 
 def write(
-    solved: PhotoSolution, folder: Path, saving: Saving, *, name: str | None = None, threads: int = 1
+    solved: PhotoSolution,
+    folder: Path,
+    saving: Saving,
+    *,
+    name: str | None = None,
+    threads: int = 1,
+    inputs: Iterable[Path] | None = None,
 ) -> list[Path]:
     """Write results to a folder, all that are wanted or none.
 
@@ -129,6 +137,9 @@ def write(
     threads : int
         How many files are made at a time: with more than one they take more memory than
         :func:`persfs_cl.pipeline.room.bytes_for` says.
+    inputs : iterable of Path, optional
+        What the photo was solved from. Where it is given, the results take the place of an earlier run's: files that
+        this wrote, and that are neither written now nor inputs, go when the new ones come.
 
     Returns
     -------
@@ -156,7 +167,10 @@ def write(
         solved.compare(derived)
         return {**solved.report, "grey_levels_photo": _grey_levels(solved)}
 
-    with filling(folder) as temporary:
+    def gone(names: Iterable[str]) -> Iterable[str]:
+        return () if inputs is None else superseded(folder, names, inputs)
+
+    with filling(folder, gone) as temporary:
         written = write_files(
             temporary,
             solution,
@@ -170,7 +184,11 @@ def write(
             written += write_preview(temporary, solution, solved.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:
             about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.path), "status": "done"}
-            written.append(write_index(temporary, [about], title=title, parameters=solution.parameters).name)
+            figures = REPORT if REPORT in written else None
+            page = write_index(temporary, [about], title=title, parameters=solution.parameters, elsewhere=figures)
+            written.append(page.name)
+        if inputs is not None:
+            give_account(temporary)
     return [folder / file for file in written]
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from persfs_cl.errors import InputError, PersfsError
+from persfs_cl.errors import InputError, PersfsError, PersfsWarning
 from persfs_cl.pipeline.claim import claimed
 from persfs_cl.pipeline.listing import Input, Listing
 from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
@@ -40,6 +40,8 @@ class BatchResult:
         Where there is no output, and no error.
     error : PersfsError or None
         Why there is no surface.
+    warnings : tuple of PersfsWarning
+        What was warned of while there came to be one.
 
     Examples
     --------
@@ -54,6 +56,7 @@ class BatchResult:
     record: Record
     solution: Solution | None = None
     error: PersfsError | None = None
+    warnings: tuple[PersfsWarning, ...] = ()
 
 
 class Batch:
@@ -77,6 +80,8 @@ class Batch:
         Photos of this share.
     skipped : int
         Photos found done so far.
+    lacking : int
+        Those of them that are done as they are wanted now, but for a file that could not be made.
     """
 
     def __init__(
@@ -92,7 +97,7 @@ class Batch:
         self._inputs = [one for one in listing.inputs if is_in(shard, one.name)]
         self._problems = [one for one in listing.problems if is_in(shard, one[0])]
         self._roots = listing.roots
-        self.total, self.skipped = len(self._inputs) + len(self._problems), 0
+        self.total, self.skipped, self.lacking = len(self._inputs) + len(self._problems), 0, 0
         self._given: dict[int, Input] = {}
         self._refused: deque[tuple[BatchResult, bool]] = deque()
         """With whether the manifest shall know of it."""
@@ -148,6 +153,7 @@ class Batch:
                         outcome.record,
                         outcome.solution,
                         outcome.error,
+                        tuple(map(PersfsWarning, outcome.said or outcome.record.warnings)),
                     )
             yield from self._noted(journal)
 
@@ -218,7 +224,10 @@ class Batch:
     def _is_as_wanted(self, task: Task, before: Known | None) -> bool:
         if before is None or before.status != "done":
             return False
-        return self._again == "none" or is_the_same(task.job, task.parameter_hash, before)
+        if self._again != "none" and not is_the_same(task.job, task.parameter_hash, before):
+            return False
+        self.lacking += bool(self._plan.saving.lacking(before.files))
+        return True
 
     def _is_adopted(self, task: Task, before: Known | None, there: Results | None, journal: Journal | None) -> bool:
         """Whether there is a result that its run could not note any more: it is noted now."""

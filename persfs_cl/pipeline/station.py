@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from persfs_cl._cl.device import Device
-from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
+from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError, Worded
 from persfs_cl.pipeline.headers import pixels
 from persfs_cl.pipeline.health import trouble
 from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, read_job
@@ -41,6 +41,7 @@ from persfs_cl.surface.outcome import Status
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
 from persfs_cl.told import Heard, hearing
+from persfs_cl.wording import marked
 
 _ROOM_OF_READERS = 4
 """Photos that wait to be written for each writer: more would only hold memory."""
@@ -86,6 +87,8 @@ class Outcome:
     error : PersfsError or None
     solution : Solution or None
         Where it is wanted.
+    said : tuple of str
+        The warnings of the record, with marks where they mention keywords, see :mod:`persfs_cl.wording`.
     """
 
     number: int
@@ -93,6 +96,7 @@ class Outcome:
     record: Record
     error: PersfsError | None = None
     solution: Solution | None = None
+    said: tuple[str, ...] = ()
 
 
 @dataclass(eq=False)
@@ -101,7 +105,7 @@ class _Work:
 
     task: Task
     room: int = 0
-    said: list[str] = field(default_factory=list)
+    said: list[Heard] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     known: dict[str, Any] = field(default_factory=dict)
     ready: PreparedJob | None = None
@@ -263,7 +267,7 @@ class Station:
         share = (time.perf_counter() - began) / len(group)
         for place, (work, attempted) in enumerate(zip(group, attempts, strict=True)):
             work.seconds["solve"] = share
-            work.said += [one.message for one in said if one.place in (None, place)]
+            work.said += [one for one in said if one.place in (None, place)]
             work.attempted, work.problem = attempted, None
             self._to_write.put(work)
 
@@ -274,7 +278,7 @@ class Station:
         began = time.perf_counter()
         with hearing() as said:
             [solution] = told([finish(self._device, work.attempted, self._options)], [0])
-        work.said += [one.message for one in said]
+        work.said += said
         work.seconds["solve"] += time.perf_counter() - began
         total = solution.elapsed.total + work.seconds["prepare"]
         work.solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
@@ -289,7 +293,8 @@ class Station:
                 else:
                     record = self._shelf.put(work.task.name, partial(self._fill, work))
                 solution = work.solved.solution if self._solutions and work.solved else None
-                self._end(work, Outcome(work.task.number, "done", record, solution=solution))
+                told_of = tuple(map(_marked, work.said))
+                self._end(work, Outcome(work.task.number, "done", record, solution=solution, said=told_of))
 
     def _fill(self, work: _Work, folder: Path) -> Record:
         assert work.solved is not None  # noqa: S101 - for the type checker
@@ -306,7 +311,7 @@ class Station:
         return {
             "name": work.task.name,
             "path": str(work.task.job.path),
-            "warnings": tuple(work.said),
+            "warnings": tuple(one.message for one in work.said),
             "parameter_hash": work.task.parameter_hash,
             "version": package_version(),
             "device": str(self._device),
@@ -333,7 +338,7 @@ class Station:
             try:
                 yield
             finally:
-                work.said += [one.message for one in said]
+                work.said += said
                 work.seconds[name] = time.perf_counter() - began
 
     def _require_going(self) -> None:
@@ -372,6 +377,12 @@ class Station:
             said = {"kind": type(error).__name__, "message": str(error)}
             record = Record(**self._about(work), status="failed", error=said)
             self._end(work, Outcome(work.task.number, end, record, error))
+
+
+def _marked(heard: Heard) -> str:
+    """A warning as text that can be sent anywhere, and worded there."""
+    warning = heard.warning
+    return marked(warning.parts) if isinstance(warning, Worded) else heard.message
 
 
 class _Dropped(Exception):  # noqa: N818 - no error: an end was asked for

@@ -93,7 +93,7 @@ class FlashLight(Light):
         metadata={
             "help": "Of the flash: brightness, in linear light, of a white surface that faces it at distance 1; 1 by "
             "default. It sets the unit of depth. 'unknown' finds it from the guide.",
-            "metavar": "BRIGHTNESS",
+            "metavar": "BRIGHTNESS|unknown",
         },
     )
     offset: tuple[float, float, float] = field(
@@ -341,7 +341,8 @@ class FlashModel(_LampModel):
                 "light",
                 light,
                 f"is {apart:g} away from the camera, but the brightest pixel, {brightest:g}, tells of "
-                f"a surface at most {reach:g} from the lamp: give offset and gain in the same unit of depth.",
+                f"a surface at most {reach:g} from the lamp: give {keyword('offset')} and {keyword('gain')} in the "
+                "same unit of depth.",
             )
         ray = 1.0 + max(abs(grid.x[0]), abs(grid.x[-1])) ** 2 + max(abs(grid.y[0, 0]), abs(grid.y[-1, 0])) ** 2
         nearest, farthest = 0.5 * (returned - math.log(ray)), 0.5 * (returned - math.log(_BLACK))

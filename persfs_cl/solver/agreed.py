@@ -104,5 +104,5 @@ def _warn_of_contradiction(fitted: Fitted, light: Light) -> None:
         warn(
             f"{keyword('guide')} has most depths {math.exp(fitted.disagreement):.3g} times as large as "
             f"{keyword('light', light)} gives them, and is believed. If it is of another scale, give "
-            f"{keyword('guide_scale', 'fit')}; if the gain is not known, a light with gain=None."
+            f"{keyword('guide_scale', 'fit')}; if the gain is not known, {keyword('gain', None)} for the light."
         )

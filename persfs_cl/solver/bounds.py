@@ -78,9 +78,9 @@ class DepthRange:
                 row, column = np.argwhere(outside)[0]
                 depth, near, far = (float(each[row, column]) for each in (depths, self.near, self.far))
                 raise InputError(
-                    f"{keyword('known_depth', depth)} at pixel [{row}, {column}] lies outside depth_range there, from "
-                    f"{keyword('near', near)} to {keyword('far', far)} ({np.count_nonzero(outside)} such pixels): "
-                    "widen the range, or leave one of the two out there (NaN).",
+                    f"{keyword('known_depth', depth)} at pixel [{row}, {column}] lies outside {keyword('depth_range')} "
+                    f"there, from {keyword('near', near)} to {keyword('far', far)} ({np.count_nonzero(outside)} such "
+                    "pixels): widen the range, or leave one of the two out there (NaN).",
                     argument="depth_range",
                     value=(self.near, self.far),
                 )

@@ -15,7 +15,7 @@ from persfs_cl.errors import InputError
 from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_array_of_image, no_numbers
-from persfs_cl.masks import Neighbours
+from persfs_cl.masks import Neighbours, rim
 from persfs_cl.shading.model import Light, Model, largest
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
@@ -25,6 +25,10 @@ _MOST_RELIEF = 1e9
 
 _STEEPEST_GROUND = 30.0
 """Degrees. A coin whose edge is bevelled has a median of 20 along its outline, a sphere 75 and more."""
+
+_DARKEST_GROUND = 0.25
+"""Share of its brightness that half of the frame may lack before it is no ground: a relief that goes on has more, what
+lies behind an object far less."""
 
 _MOST_PIXELS = 2**30
 """Indices within an array are computed in 32 bits here and there."""
@@ -129,8 +133,9 @@ def warn_of_steep_outline(
     """Warn where z = 1 is assumed along the outline of a mask that is no flat ground, as far as its brightness tells.
 
     Flat ground facing the camera has the angle θ0 = acos(1 / k) to a parallel light. A pixel at the angle θ, by its
-    brightness compared with that of the ground, is tilted by abs(θ - θ0) at least, whichever way. The frame of the
-    image is not looked at: the object goes on there.
+    brightness compared with that of the ground, is tilted by abs(θ - θ0) at least, whichever way. Beside a mask the
+    frame of the image is not looked at: the object goes on there. Without one it may do so too, with slopes of its own,
+    so that only a frame is warned of that is far too dark.
 
     Parameters
     ----------
@@ -141,13 +146,21 @@ def warn_of_steep_outline(
         One far away.
     reflectance : Reflectance
     """
-    if wanted.all():
-        return
-    outline = looked_at & Neighbours.of(~wanted).any & np.isfinite(brightness)
+    masked = not wanted.all()
+    outline = looked_at & (Neighbours.of(~wanted).any if masked else rim(wanted)) & np.isfinite(brightness)
     if not outline.any():
         return
     ground = light.cosine_of_ground
     relative = brightness[outline] / float(reflectance.shade(ground, 1.0, ground))
+    if not masked:
+        if (level := float(np.median(relative))) < _DARKEST_GROUND:
+            checks.warn(
+                f"{keyword('known_depth')} is not given, and the edge of the image is taken for flat ground at z = 1; "
+                f"but half of it has at most {100 * level:.2g} % of the brightness of such ground, as has a background "
+                "or what is steep, and the surface falls off there. Give a mask that leaves out the background, "
+                f"{keyword('known_depth')}, or the right light."
+            )
+        return
     tilts = np.abs(np.arccos(np.clip(relative * ground, 0.0, 1.0)) - math.acos(ground))
     tilt = math.degrees(float(np.median(tilts)))
     if tilt > _STEEPEST_GROUND:

@@ -24,6 +24,8 @@ from persfs_cl.surface.discontinuities import fill_walls
 from persfs_cl.surface.geometry import Discontinuities
 
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
+_BLOCK = 32
+"""Pixels of a side of the blocks that are looked at first."""
 
 
 @dataclass(frozen=True)
@@ -194,20 +196,34 @@ class Problem(Given):
         if self.limits is not None:
             # As good as known: they are no higher than what they begin with.
             known = known | ~np.isnan(self.limits[1])
+        # Hardly ever is one so high that the pixels need to be looked at one by one.
+        if self._all_within(values, masks.least_steps_to_blocks(known, _BLOCK)):
+            return
         # No way is shorter than that through whatever lies between, which is found much sooner.
         unreached = self._beyond(values, masks.straight_steps_from(known))
         if unreached.any() and not present.all():
             unreached = self._beyond(values, masks.steps_from(known, present))
         values[unreached] = np.nan
 
+    def _all_within(self, values: Array, steps: masks.Steps) -> bool:
+        """Whether no block has a value that is higher than so many steps can climb from a known value."""
+        # What is not solved has the value that it began with, which may be as high as any.
+        solved = self.domain.solved
+        counted = values if solved.all() else np.where(solved, values, -np.inf)
+        highest = masks.in_square_blocks(np.maximum, counted, _BLOCK)
+        return bool((highest <= self._climbed(steps)).all())
+
+    def _climbed(self, steps: masks.Steps) -> Array:
+        """How high so many steps can climb from the highest known value."""
+        step = self.max_slope * max(self.grid.dx, self.grid.dy)
+        return np.asarray((self.highest_known + step * steps) * (1.0 + 1e-5) + 1e-6)
+
     def _beyond(self, values: Array, steps: masks.Steps) -> Mask:
         """Which of the pixels to solve are higher than so many steps can climb from a known value."""
-        step = self.max_slope * max(self.grid.dx, self.grid.dy)
         found = np.empty(values.shape, bool)
 
         def compare(rows: slice) -> None:
-            bound = (self.highest_known + step * steps[rows]) * (1.0 + 1e-5) + 1e-6
-            np.greater(values[rows], bound, out=found[rows])
+            np.greater(values[rows], self._climbed(steps[rows]), out=found[rows])
             found[rows] &= self.domain.solved[rows]
 
         in_row_blocks(compare, values.shape)

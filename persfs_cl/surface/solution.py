@@ -76,7 +76,7 @@ class Solution(Outcome):
         height, width = self.depth.shape
         rounds = "1 iteration" if self.iterations == 1 else f"{self.iterations} iterations"
         solved = np.count_nonzero(self.solved)
-        depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if solved else ""
+        depths = f", depth {np.nanmin(self.depth):.4g} to {np.nanmax(self.depth):.4g}" if self._has_depth else ""
         return f"<Solution {self.status.name}, {rounds}, {solved} of {width} x {height} pixels{depths}>"
 
     def _repr_html_(self) -> str | None:
@@ -84,11 +84,16 @@ class Solution(Outcome):
 
         None where nothing has a depth, so that they show the line above.
         """
-        return surface_html(self) if self.solved.any() else None
+        return surface_html(self) if self._has_depth else None
 
     def _repr_png_(self) -> bytes | None:
         """Depth and shaded relief, where a notebook shows no pages."""
-        return surface_png(self) if self.solved.any() else None
+        return surface_png(self) if self._has_depth else None
+
+    @property
+    def _has_depth(self) -> bool:
+        """Whether there is anything to show, whatever `solved` says of an array that somebody has put in."""
+        return bool(np.isfinite(self.depth).any())
 
     def report(self, unreliable: Unreliable | None = None) -> dict[str, Any]:
         """Everything about the run that a later reader needs, ready for JSON.

@@ -57,7 +57,7 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 @pytest.mark.parametrize(
     ("pattern", "size"),
     [
-        ("program.bc", 1000),
+        pytest.param("program.bc", 1000, marks=pytest.mark.thorough),
         pytest.param("program.bc", 0, marks=pytest.mark.thorough),
         ("*.so", 3000),
         pytest.param("*.so", 0, marks=pytest.mark.thorough),

@@ -45,6 +45,7 @@ def test_weno_is_several_times_more_exact_on_a_smooth_surface(device: ps.Device,
     assert (found[WENO].iteration or 0) > 10 * (found["second order"].iteration or 0)
 
 
+@pytest.mark.thorough
 def test_weno_gains_nothing_beside_a_crease(device: ps.Device) -> None:
     cap = ps.sphere_cap((48, 48))
     found = side_by_side(device, replace(cap, known_depth=np.where(cap.depth == 1.0, 1.0, np.nan)))

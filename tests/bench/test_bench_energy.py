@@ -47,6 +47,7 @@ def test_objects_with_a_prior_are_better_than_it(device: ps.Device, monkeypatch:
     assert "| bunny | skipped: get the bunny |" in text
 
 
+@pytest.mark.thorough
 def test_paint_is_found(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     def missing() -> None:
         raise ps.InputError("get the bunny")

@@ -162,6 +162,7 @@ def test_a_missing_object_is_said_on_the_page(device: ps.Device, monkeypatch: py
     assert all(cell for row in others for cell in row)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("lexicographic_wavefront")
 def test_tables_of_materials_are_whole(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     # The roughest is solved by another scheme, so that there is one of each kind.

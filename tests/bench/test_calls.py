@@ -107,6 +107,7 @@ def test_pixels_of_the_object_alone_are_counted(device: ps.Device) -> None:
     assert 0.1 * 24**2 < counted < 0.9 * 24**2
 
 
+@pytest.mark.thorough
 def test_an_object_in_its_frame_is_the_one_in_its_box(plan: Plan) -> None:
     rows = cells(records_of(masked.masked, plan), "masked", plan)
     assert [row[0] for row in rows] == list(masked.CASES)

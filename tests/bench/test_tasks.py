@@ -38,6 +38,7 @@ def test_listing_and_manifest(plan: Plan, tmp_path: Path) -> None:
     assert min(*listed.values(), *noted.values()) > 0
 
 
+@pytest.mark.thorough
 def test_processes_here(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tasks, "_FEW", 1)
     assert values(tasks.crew(replace(plan, tasks=100)))["tasks"] > 1

@@ -155,7 +155,7 @@ def test_without_a_white_level_each_photo_has_its_own() -> None:
 
 
 @pytest.mark.usefixtures("lexicographic_wavefront")
-@pytest.mark.parametrize("truth", ["map", "points"])
+@pytest.mark.parametrize("truth", ["map", pytest.param("points", marks=pytest.mark.thorough)])
 def test_roughness_is_found(truth: str) -> None:
     rough = ps.OrenNayar(0.5)
     white = brightest(NEAR, light=ps.FlashLight(), reflectance=rough)
@@ -217,7 +217,7 @@ def test_a_map_with_few_depths_counts_as_points() -> None:
     assert calibration.after.brightness is None
 
 
-@pytest.mark.parametrize("unit", [1e-3, 500.0])
+@pytest.mark.parametrize("unit", [1e-3, pytest.param(500.0, marks=pytest.mark.thorough)])
 def test_depth_may_be_in_any_unit(unit: float) -> None:
     light = ps.FlashLight(gain=0.5 * unit**2, offset=(0.1 * unit, 0.0, 0.0))
     known = points(unit * NEAR, 60, 0, noise=0.003)
@@ -229,7 +229,7 @@ def test_depth_may_be_in_any_unit(unit: float) -> None:
     assert calibration.after.depth < 0.01
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.003, 0.01])
+@pytest.mark.parametrize("noise", [0.0, *(pytest.param(noise, marks=pytest.mark.thorough) for noise in (0.003, 0.01))])
 def test_points_do_not_tell_the_lamp_forwards_from_the_gain(noise: float) -> None:
     light = ps.FlashLight(gain=0.5, offset=(0.1, 0.0, 0.0))
     photo = ps.render(NEAR, CAMERA, light=light)
@@ -400,14 +400,26 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "an unknown word": ({"fit": "gian"}, "fit='gian' is nothing that can be fitted. Is it gain. Give some of gain, wh"),
     "no word": ({"fit": ()}, r"fit=\(\) asks for nothing: give some of gain"),
     "no words": ({"fit": 3}, "fit=3 is no list of words"),
-    "direction of a flash": ({"fit": "direction"}, r"fit='direction' is that of a parallel light: give ParallelLight"),
+    "direction of a flash": (
+        {"fit": "direction"},
+        r"fit='direction' is that of a parallel light: give light=ParallelLight",
+    ),
     "lamp of the sun": (
         {"fit": "lamp", "light": ps.ParallelLight()},
-        r"fit='lamp' is the place of a flash that fades with distance: give FlashLight\(\), or fit direction. Taken",
+        r"fit='lamp' is the place of a flash that fades with distance: give light=FlashLight\(\), or fit direction",
     ),
-    "gain of the sun": ({"fit": "gain", "light": ps.ParallelLight()}, "fit='gain' is that of a flash: give FlashLight"),
-    "roughness of a smooth surface": ({"fit": "roughness"}, r"give OrenNayar\(roughness=0.3\), where the fit begins"),
-    "gloss of a matt surface": ({"fit": "gloss"}, r"is that of a shiny material: give Phong\(\), where the fit begins"),
+    "gain of the sun": (
+        {"fit": "gain", "light": ps.ParallelLight()},
+        "fit='gain' is that of a flash: give light=FlashLight",
+    ),
+    "roughness of a smooth surface": (
+        {"fit": "roughness"},
+        r"give reflectance=OrenNayar\(roughness=0.3\), where the fit begins",
+    ),
+    "gloss of a matt surface": (
+        {"fit": "gloss"},
+        r"is that of a shiny material: give reflectance=Phong\(\), where the fit begins",
+    ),
     "points under the sun": (
         {"light": ps.ParallelLight(), "truth": points(NEAR, 60, 0)},
         "truth has no slopes that can be believed, and under light=ParallelLight.* give a dense depth map",

@@ -10,6 +10,7 @@ from batches import photos, pretend
 
 from persfs_cl.cli.alike import Alike
 from persfs_cl.cli.batch_progress import Tally
+from persfs_cl.errors import PersfsWarning
 from persfs_cl.pipeline.manifest import Record
 from persfs_cl.pipeline.run import BatchResult
 from persfs_cl.pipeline.store import FolderStore
@@ -44,7 +45,7 @@ def test_other_reasons_are_others() -> None:
     alike = Alike(every_name=True)
     for name, size in (("a.png", 5), ("b.png", 6)):
         alike.add(name, Path(name), f"{name} has {size} pixels.")
-    assert list(alike.lines()) == ["persfs-cl: a.png: a.png has 5 pixels.", "persfs-cl: b.png: b.png has 6 pixels."]
+    assert list(alike.lines()) == ["persfs-cl: a.png has 5 pixels.", "persfs-cl: b.png has 6 pixels."]
 
 
 def test_of_very_many_a_hundred_are_named_and_all_are_counted() -> None:
@@ -70,8 +71,8 @@ def test_warnings_that_photos_share_are_told_once_with_their_number() -> None:
     tally = Tally(str, Saving.of("depth"))
     for name in ("a.png", "b.png", "c.png"):
         texts = ("White is a guess.", "White is a guess.", f"{name} was resized.") + ("Odd.",) * (name == "b.png")
-        record = Record(name=name, path=name, status="done", converged="CONVERGED", warnings=texts)
-        tally.add(BatchResult(Path(name), name, record))
+        record = Record(name=name, path=name, status="done", converged="CONVERGED")
+        tally.add(BatchResult(Path(name), name, record, warnings=tuple(map(PersfsWarning, texts))))
     assert tally.told().splitlines() == [
         "persfs-cl: 3 photos, a.png, b.png, c.png: warning: White is a guess.",
         "persfs-cl: 3 photos, a.png, b.png, c.png: warning: a.png was resized.",

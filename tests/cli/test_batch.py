@@ -7,6 +7,7 @@ import io
 import json
 import re
 import shutil
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from persfs_cl.cli.batch_progress import Tally, progress_bar
 from persfs_cl.io.export import write_grey
 from persfs_cl.pipeline.listing import Listing
 from persfs_cl.pipeline.plan import Plan
-from persfs_cl.pipeline.run import Batch
+from persfs_cl.pipeline.run import Batch, BatchResult
 from persfs_cl.surface.saving import Saving
 
 SCENE = ps.bump((20, 24), light=ps.FlashLight())
@@ -93,10 +94,58 @@ def test_a_file_that_cannot_be_made_costs_no_other_and_is_told(photos: Path, tmp
     common = ("batch", photos / "a.png", "-o", tmp_path / "out", *FLASH)
     outcome = run(*common, "--save", "depth,solid.stl", "--width", "1e-9")
     assert outcome.status == 1
-    assert "a.png: warning: solid.stl could not be made: base=3.0 is too thick for width=1e-09" in outcome.stderr
+    assert "a.png: warning: solid.stl could not be made: --base 3.0 is too thick for --width 1e-09" in outcome.stderr
     assert "1 without a file that was asked for" in outcome.stderr
+    # It is not tried again, and not forgotten either.
+    outcome = run(*common, "--save", "depth,solid.stl", "--width", "1e-9")
+    assert (outcome.status, outcome.stdout) == (1, "")
+    assert "1 were done before, 1 without a file that was asked for" in outcome.stderr
     assert (tmp_path / "out" / "a.png" / "depth.npy").exists()
     assert run(*common, "--save", "depth,pictures").status == 0
+
+
+@pytest.mark.usefixtures("ctrl_c", "in_this_process")
+@pytest.mark.parametrize("presses", [1, 2])
+def test_an_interrupted_batch_says_how_many_are_done_and_goes_on(
+    presses: int, photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = Tally.add
+
+    def interrupted(tally: Tally, result: BatchResult) -> None:
+        usual(tally, result)
+        for _ in range(presses * (tally.done == 1)):
+            signal.raise_signal(signal.SIGINT)
+
+    common = ("batch", photos, "-o", tmp_path / "out", *FLASH, "--save", "depth.npy")
+    with monkeypatch.context() as patch:
+        patch.setattr(Tally, "add", interrupted)
+        outcome = run(*common)
+    assert outcome.status == 130
+    found = re.search(
+        r"persfs-cl: Interrupted: (\d) of 3 are done\. The same command goes on from there\.$", outcome.stderr
+    )
+    assert found
+    count = int(found[1])
+    assert count >= 1
+    again = run(*common)
+    assert again.status == 0
+    assert f"{3 - count} done" in again.stderr or presses == 2
+
+
+def test_no_folder_is_no_output(photos: Path) -> None:
+    outcome = run("batch", photos / "a.png", "-o", "", *FLASH)
+    assert outcome.status == 2
+    assert "name a folder" in outcome.stderr
+
+
+@pytest.mark.parametrize("options", [(), ("--dry-run",)])
+def test_a_path_with_a_slip_is_named_once(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run("batch", "photoz", "-o", "out", *FLASH, *options)
+    assert outcome.status == 1
+    assert outcome.stderr.startswith("persfs-cl: photoz does not exist: check the spelling")
 
 
 def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_what_it_begins_with_can_stand_in_a_file(flash: tuple[Path, Path, float]
 WRONG: dict[str, tuple[tuple[str, ...], str]] = {
     "no pairs": (("b.png",), "3 files are no pairs: give each photo, and after it its truth"),
     "a word": (("--fit=lump",), "'--fit': --fit lump is nothing that can be fitted. Is it lamp? Give some of gain"),
-    "another light": (("--fit=lamp",), "give FlashLight(), or fit direction. Taken are --light parallel"),
+    "another light": (("--fit=lamp",), "give --light flash, or fit direction. Taken are --light parallel"),
     "normalised": (("--normalise=grey",), "'--normalise' / '--white-percentile': a calibration is by linear light"),
     "masks": (("--mask=a.png", "--mask=b.png"), "'--mask': 2 masks for 1 photos: give one for all, or one for each"),
     "no TOML": (("-o", "light.txt"), "light.txt must end in one of .toml"),

@@ -64,7 +64,10 @@ def test_a_new_material_has_its_options() -> None:
     [
         (("--reflectance=velvet",), ("--pile", "velvet needs it: length of the hairs.")),
         (("--reflectance=oren-nayar",), ("--roughness", "oren-nayar needs it: spread of the slopes")),
-        (("--pile=1",), ("--pile", "goes with --reflectance velvet, not lambertian: leave it out.")),
+        (
+            ("--pile=1",),
+            ("--pile", "goes with --reflectance velvet, not lambertian: add --reflectance velvet, or leave it out."),
+        ),
         (("--roughness=1",), ("--roughness", "goes with --reflectance oren-nayar or velvet, not lambertian")),
         (("--reflectance=velvet", "--pile=10"), ("--pile", "is too long: give 9 at most.")),
         (("--reflectance=silk",), ("silk", "lambertian", "velvet")),

@@ -126,6 +126,7 @@ REFUSED = {
     "text for a number": ('tolerance = "small"', 'tolerance = "small": give a number.'),
     "truth for a number": ("tolerance = true", "tolerance = true: give a number."),
     "fraction for a count": ("max-iterations = 2.5", "max-iterations = 2.5: give a whole number."),
+    "a light by another name": ('light = "sun"', 'give one of "parallel", "flash". Give --light parallel, and its'),
     "number for a flag": ("overwrite = 1", "overwrite = 1: give true or false."),
     "number for a path": ("walls = 3", "walls = 3: give a text."),
     "list for a path": ('walls = ["a.png", "b.png"]', 'walls = ["a.png", "b.png"]: give a text.'),
@@ -179,7 +180,7 @@ def test_what_is_no_file_of_options(content: bytes | None, message: str, tmp_pat
         (
             ('light = "flash"', "gain = 2"),
             ("--p0=1",),
-            'parallel, not flash: leave it out. (From {}: light = "flash".)',
+            'parallel, not flash: give --light parallel, or leave it out. (From {}: light = "flash".)',
         ),
         (('scheme = "upwind"',), ("--boundary=outflow",), 'or --scheme lax-friedrichs. (From {}: scheme = "upwind".)'),
         (("focal-length = 5", "fov = 5"), (), "not both. (From {0}: focal-length = 5; {0}: fov = 5.)"),
@@ -194,6 +195,29 @@ def test_an_option_that_does_not_fit_is_traced_to_its_file(
     assert outcome.status == 2
     assert message.format(file) in outcome.stderr
     assert ("From" in outcome.stderr) == bool(message)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--resting=1e-6", "--scheme=lax-friedrichs"), "--resting 1e-06 with --scheme lax-friedrichs"),
+        (("--light=flash", "--normalise=level"), "under a flash nothing is normalised"),
+        (("--gain=2",), "add --light flash"),
+    ],
+)
+@pytest.mark.parametrize("command", ["reconstruct", "batch"])
+def test_no_file_of_options_that_contradict_each_other_is_printed(
+    command: str, options: tuple[str, ...], message: str
+) -> None:
+    outcome = run(command, *options, "--dump-config")
+    assert (outcome.status, outcome.stdout) == (2, "")
+    assert message in outcome.stderr
+
+
+def test_what_options_still_lack_may_be_given_with_their_file() -> None:
+    outcome = run("reconstruct", "--light=flash", "--gain=unknown", "--camera=none.json", "--dump-config")
+    assert outcome.status == 0
+    assert 'gain = "unknown"' in outcome.stdout
 
 
 def test_the_file_that_is_printed_is_a_template() -> None:
@@ -259,10 +283,13 @@ def test_what_is_printed_means_the_same_when_it_is_read(
 ) -> None:
     given_ = [f"{name}={text}" if text else name for name, text in options]
     file = tmp_path_factory.getbasetemp() / "printed.toml"
-    text = printed(*given_)
-    file.write_text(text, encoding="utf-8")
-    assert parsed("--config", str(file)) == parsed(*given_)
-    assert printed("--config", file) == text
+    with pytest.MonkeyPatch.context() as patch:
+        # Most of these would be refused.
+        patch.setattr(ConfiguredCommand, "_require_usable", lambda *_: None)
+        text = printed(*given_)
+        file.write_text(text, encoding="utf-8")
+        assert parsed("--config", str(file)) == parsed(*given_)
+        assert printed("--config", file) == text
 
 
 def test_any_command_may_read_files(tmp_path: Path) -> None:

@@ -24,6 +24,17 @@ def test_a_demo_that_fails_leaves_nothing_behind(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("output", ["", "mine"])
+def test_a_folder_with_other_things_is_no_demos(output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "note").write_text("mine")
+    outcome = run("demo", "-o", output)
+    assert outcome.status == 2
+    assert "holds other things: choose another." in outcome.stderr
+    assert names(tmp_path) == {"mine"}
+
+
 def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     outcome = run("demo")

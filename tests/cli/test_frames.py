@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from command import run, strict
 from lenses import depth, flashed, places
 from PIL import Image
@@ -102,6 +103,13 @@ def test_points_of_the_photo_are_compared_in_the_pixels_of_the_depth(bent: Path)
     assert json.loads(outcome.stdout)["depth"]["mean_relative"] < 0.004
     assert json.loads(outcome.stdout)["depth"]["count"] == len(rows)
     assert f"of which {folder / 'truth.csv'} is taken to be" in outcome.stderr
+    # A photo of another size is none of these points', whatever the depth map has.
+    for size, status in ((SHAPE, 0), (np.load(folder / "out" / "depth.npy").shape, 1)):
+        tifffile.imwrite(folder / "other.tif", np.full(size, 0.5))
+        told = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--photo", folder / "other.tif")
+        assert told.status == status
+    assert f"other.tif has shape {size}, but by the camera.json beside it" in told.stderr
+    assert f"comes of one of shape {SHAPE}: give the photo that it is from." in told.stderr
     (folder / "out" / "camera.json").unlink()
     outcome = run("compare", folder / "out" / "depth.npy", folder / "truth.csv", "--json")
     assert json.loads(outcome.stdout)["depth"]["mean_relative"] > 0.01
@@ -202,9 +210,12 @@ def test_a_batch_with_a_table_of_lenses_of_smaller_size(bent: Path) -> None:
     ("arguments", "said"),
     [
         (("--distortion", "1,2,3"), "'1,2,3' is not 4, 5, 8, 12 or 14 numbers"),
-        (("--distortion", "fisheye:a"), "'a' is not k1, k2, k3 and k4, or p1, p2, sx1 and sy1 too, behind fisheye:"),
+        (
+            ("--distortion", "fisheye:a"),
+            "'a' is not up to 8 numbers, k1, k2, k3 and k4, or p1, p2, sx1 and sy1 too, behind fisheye:",
+        ),
         (("--distortion", "fov:0.1,0.2"), "'0.1,0.2' is not the one number ω, behind fov:"),
-        (("--distortion", "fov:4", "--focal-length", "150"), "its angle is in radians, and between -π and π"),
+        (("--distortion", "fov:4", "--focal-length", "150"), "4 for ω: give radians, between -π and π"),
         (("--distortion", "mirror:4"), "or fisheye: or fov: or rad_tan_thin_prism_fisheye: and its numbers"),
         (("--fov", "60", "--distortion", COEFFICIENTS), "--fov 60.0 tells the focal length only of a lens without"),
         (("--camera", "none.json", "--fov", "60"), "give a file, or the camera by the other options"),

@@ -19,6 +19,7 @@ from command import FOCAL, WIDTH, names, run, strict
 import persfs_cl as ps
 from persfs_cl.cli.interrupts import raising, stop_on_interrupt
 from persfs_cl.cli.progress import remaining_iterations
+from persfs_cl.io.account import give_account
 from persfs_cl.io.export import write_depth, write_grey
 from persfs_cl.io.photos import read_photo
 from persfs_cl.preparation import normalise as grey
@@ -91,6 +92,8 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
     out = tmp_path / "out"
     if existing:
         out.mkdir()
+        (out / "normals.png").write_text("of an earlier run, and goes with it")
+        give_account(out)
         (out / "relief.png").write_text("old")
 
     def interrupted(drawings: Mapping[str, Callable[[], None]], jobs: Jobs) -> list[str]:

@@ -13,6 +13,7 @@ import trimesh
 from command import FOCAL, HEIGHT, WIDTH, names, run
 
 from persfs_cl.io import files
+from persfs_cl.io.export import write_grey
 
 
 def test_output_folder_is_checked_before_the_photo_is_read(tmp_path: Path) -> None:
@@ -55,6 +56,70 @@ def test_overwrite_replaces_results_and_keeps_other_files(photo: Path, tmp_path:
         "solution.npz",
         "index.html",
     }
+
+
+@pytest.mark.usefixtures("quick")
+def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth.npy,normals.npy,mesh.ply,page").status == 0
+    (out / "mesh.obj").write_text("of another program")
+    (out / "mesh.ply").write_text("changed by hand")
+    assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth.tiff").status == 2
+    assert names(out) == {"depth.npy", "normals.npy", "mesh.ply", "mesh.obj", "index.html"}
+
+    options = ("--save", "depth.tiff,report", "--guide", out / "depth.npy", "--overwrite")
+    outcome = run("reconstruct", photo, "-o", out, *FOCAL, *options)
+    assert outcome.status == 0, outcome.stderr
+    # An input stays, whoever made it.
+    assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj"}
+    options = ("--save", "mesh.stl", "--camera", tmp_path / "own" / "camera.json", "--overwrite")
+    assert run("reconstruct", photo, "-o", tmp_path / "own", *FOCAL, "--save", "depth").status == 0
+    assert run("reconstruct", photo, "-o", tmp_path / "own", *options).status == 0
+    assert names(tmp_path / "own") == {"camera.json", "mesh.stl"}
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.filterwarnings("always:")
+def test_a_mesh_without_a_triangle_is_told_of(tmp_path: Path) -> None:
+    write_grey(tmp_path / "photo.png", np.linspace(0.4, 0.9, 81).reshape(9, 9))
+    dots = np.zeros((9, 9), bool)
+    dots[1::2, 1::2] = True
+    np.save(tmp_path / "dots.npy", dots)
+    common = ("reconstruct", tmp_path / "photo.png", *FOCAL, "--light=flash", "--mask", tmp_path / "dots.npy", "-o")
+    outcome = run(*common, tmp_path / "out", "--save", "depth,mesh")
+    assert outcome.status == 1
+    assert "warning: mesh.ply could not be made: no three neighbouring pixels have a depth" in outcome.stderr
+    assert names(tmp_path / "out") == {"depth.npy", "depth.tiff", "camera.json"}
+    for file in ("mesh.obj", "mesh.stl", "mesh.glb"):
+        assert run(*common, tmp_path / "none", "--save", file).status == 1
+        assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_run_that_fails_leaves_the_results_of_the_earlier_one(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    common = ("reconstruct", photo, "-o", out, *FOCAL)
+    assert run(*common, "--save", "depth,mesh").status == 0
+    before = {file.name: file.read_bytes() for file in out.iterdir()}
+
+    def fail(*_arguments: object, **_keywords: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("persfs_cl.io.clouds._put", fail)
+    assert run(*common, "--save", "points", "--overwrite").status == 1
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == before
+
+
+def test_no_result_takes_the_place_of_an_input(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "photo.jpg").write_bytes(photo.read_bytes())
+    outcome = run("reconstruct", out / "photo.jpg", "-o", out, *FOCAL, "--overwrite")
+    assert outcome.status == 2
+    assert "photo.jpg is an input, and a result has this name: choose another folder" in outcome.stderr
+    assert (out / "photo.jpg").read_bytes() == photo.read_bytes()
 
 
 @pytest.mark.parametrize("existing", [False, True])

@@ -15,6 +15,7 @@ from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl import colour
+from persfs_cl.cli.reconstruct import _too_dark
 from persfs_cl.io.export import write_depth
 from persfs_cl.io.maps import read_depth
 from persfs_cl.io.photos import read_photo
@@ -423,3 +424,32 @@ def test_acceleration_is_an_option_and_an_entry_of_a_configuration(photo: Path, 
         folder = tmp_path / f"out{len(list(tmp_path.iterdir()))}"
         assert run(*given, *more, "-o", folder).status == 0
         assert strict(folder / "report.json")["parameters"]["acceleration"] is expected
+
+
+@pytest.mark.parametrize(
+    ("share", "light", "said", "not_said"),
+    [
+        (0.01, ps.ParallelLight(), ("100 pixels, 1 % of those", "shadow or paint"), "--p0"),
+        (0.98, ps.ParallelLight(), ("98 %", "--p0 and --q0", "--light flash", "background"), "--normalise level"),
+        (0.98, ps.ParallelLight(0.0, -1.0), ("98 %", "--normalise level", "--scheme regularised"), "background"),
+        (0.5, ps.FlashLight(), ("50 %", "--lamp", "--light parallel"), "--normalise"),
+    ],
+)
+def test_the_share_of_pixels_that_are_too_dark_and_what_helps_are_told(
+    share: float, light: ps.ParallelLight | ps.FlashLight, said: tuple[str, ...], not_said: str
+) -> None:
+    text = _too_dark(round(10_000 * share), 10_000, light)
+    assert not [words for words in said if words not in text]
+    assert not_said not in text
+
+
+@pytest.mark.filterwarnings("always:")
+def test_an_object_before_a_dark_background_without_a_mask_is_told_of(tmp_path: Path) -> None:
+    rows, columns = np.indices((20, 24)) - np.array([[[9.5]], [[11.5]]])
+    moon = np.sqrt(np.clip(1.0 - (rows**2 + columns**2) / 7.0**2, 0.0, 1.0))
+    Image.fromarray((255 * moon).astype(np.uint8)).save(tmp_path / "moon.png")
+    outcome = run("reconstruct", tmp_path / "moon.png", "-o", tmp_path / "out", "--fov", "2", "--save", "depth.npy")
+    assert outcome.status == 0
+    assert "warning: --known-depth is not given, and the edge of the image is taken for flat ground" in outcome.stderr
+    assert "half of it has at most 0 % of the brightness" in outcome.stderr
+    assert "% of those with a depth, are too dark for the light" in outcome.stderr

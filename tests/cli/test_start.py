@@ -94,9 +94,9 @@ def test_module_as_a_command(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
-        ("persfs-cl recon", ["reconstruct"]),
+        pytest.param("persfs-cl recon", ["reconstruct"], marks=pytest.mark.thorough),
         pytest.param("persfs-cl reconstruct --hei", [], marks=pytest.mark.thorough),
-        ("persfs-cl reconstruct --despe", ["--despeckle"]),
+        pytest.param("persfs-cl reconstruct --despe", ["--despeckle"], marks=pytest.mark.thorough),
         ("persfs-cl reconstruct --highlights ", ["keep", "mask", "fill"]),
         pytest.param("persfs-cl reconstruct --ordering w", ["wavefront"], marks=pytest.mark.thorough),
     ],

@@ -121,6 +121,7 @@ def test_relief_wears_its_photograph_and_is_turned_by_the_address(browser: Brows
         assert (np.abs(seen[turn] - seen["0,0"]).max(axis=-1) > 40).mean() > 0.1
 
 
+@pytest.mark.thorough
 def test_mouse_turns_and_double_click_takes_it_back(browser: Browser, folder: Path) -> None:
     browser.visit(folder / "index.html", view_of(ODD))
     browser.drawn()
@@ -137,6 +138,7 @@ def test_mouse_turns_and_double_click_takes_it_back(browser: Browser, folder: Pa
     np.testing.assert_allclose(stage(browser), first, atol=2)  # the ground is dithered
 
 
+@pytest.mark.thorough
 def test_wheel_zooms(browser: Browser, folder: Path) -> None:
     browser.visit(folder / "index.html", view_of(ODD, "0,0"))
     browser.drawn()
@@ -149,6 +151,7 @@ def test_wheel_zooms(browser: Browser, folder: Path) -> None:
     assert worn(stage(browser)).mean() == pytest.approx(before * np.exp(-0.9) ** 2, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_bare_surface_is_shaded_without_the_photograph(browser: Browser, folder: Path) -> None:
     browser.visit(folder / "index.html", view_of(ODD, "0,0"))
     browser.drawn()
@@ -170,6 +173,7 @@ def test_bare_surface_is_shaded_without_the_photograph(browser: Browser, folder:
     np.testing.assert_allclose(stage(browser), bare, atol=2)
 
 
+@pytest.mark.thorough
 def test_nothing_is_drawn_where_there_is_no_surface(browser: Browser, folder: Path) -> None:
     halves = {}
     for name in (ODD, HALF):
@@ -181,6 +185,7 @@ def test_nothing_is_drawn_where_there_is_no_surface(browser: Browser, folder: Pa
     assert halves[HALF] == pytest.approx(halves[ODD] / 2, rel=0.12)
 
 
+@pytest.mark.thorough
 def test_keys_turn_zoom_and_change_what_is_worn(browser: Browser, folder: Path) -> None:
     browser.visit(folder / "index.html", view_of(ODD, "0,0"))
     browser.drawn()

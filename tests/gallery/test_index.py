@@ -66,6 +66,9 @@ def test_page_holds_the_records(tmp_path: Path) -> None:
     assert page.about == {"title": "Some images", "total": 3, "failed": 1, "parameters": {}}
     assert page.texts["title"] == page.texts["h1"] == "Some images"
     assert not page.open
+    assert "<noscript><p>This page needs JavaScript. summary.csv has the same figures." in (
+        tmp_path / "index.html"
+    ).read_text("utf-8")
 
 
 def test_page_asks_for_nothing_from_elsewhere(tmp_path: Path) -> None:

@@ -176,7 +176,20 @@ def test_cameras_of_colmap(tmp_path: Path, line: str, camera: ps.Camera) -> None
         ("a.toml", "K = 1", InputError, "is no camera by its name"),
         ("cameras.txt", "1 PINHOLE 4 4 1 1 1 1\n2 PINHOLE 4 4 1 1 1 1\n", InputError, "has 2 cameras: leave the line"),
         ("cameras.txt", "1 DIVISION 4 4 1 1 1 1 1\n", CameraError, "has the camera model DIVISION"),
-        ("cameras.txt", "1 FOV 4 4 1 1 1 1 4\n", CameraError, "between -π and π"),
+        (
+            "cameras.txt",
+            "1 FOV 4 4 1 1 1 1 4\n",
+            CameraError,
+            r"with 4 for ω: .* between -π and π .*; 4 degrees are 0\.0698",
+        ),
+        (
+            "cameras.txt",
+            f"1 RAD_TAN_THIN_PRISM_FISHEYE 4 4 1 1 1 1 1e7{' 0' * 11}\n",
+            CameraError,
+            r"distortion=10000000\.0 is impossible for k0 of RadTanFisheye: give a number between -1,000,000 and",
+        ),
+        ("cameras.txt", "1 PINHOLE -4 4 1 1 1 1\n", InputError, "line 1, has images of -4 x 4 pixels: give the width"),
+        ("cameras.txt", "1 PINHOLE 4 0 1 1 1 1\n", InputError, "line 1, has images of 4 x 0 pixels"),
         ("cameras.txt", "1 OPENCV 4 4 1 1 1 1 1\n", InputError, "COLMAP writes 8 parameters for OPENCV there"),
     ],
 )

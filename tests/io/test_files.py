@@ -262,6 +262,28 @@ def test_nothing_is_replaced_when_one_file_cannot_be(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
 
 
+def test_an_interruption_while_files_are_moved_comes_too_late(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "old").write_text("old")
+    (tmp_path / "a").write_text("old")
+    usual, moved = Path.replace, []
+
+    def replace(path: Path, target: Path) -> Path:
+        moved.append(target.name)
+        if len(moved) == 2:
+            raise KeyboardInterrupt
+        return usual(path, target)
+
+    def interrupted() -> None:
+        with filling(tmp_path, lambda names: {"old"} - {*names}) as temporary:
+            for name in ("a", "b", "c"):
+                (temporary / name).write_text("new")
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "new", "b": "new", "c": "new"}
+
+
 UNTIL_KILLED = """
 import sys, time
 from pathlib import Path

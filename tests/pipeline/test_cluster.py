@@ -121,6 +121,7 @@ def die_after(count: int, witness: str) -> None:
     store._FolderShelf.put = counted  # type: ignore[method-assign]
 
 
+@pytest.mark.thorough
 def test_a_worker_that_is_killed_costs_nothing(
     photos: Path, workers: str, local: dict[str, bytes], tmp_path: Path
 ) -> None:

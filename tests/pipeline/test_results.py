@@ -50,6 +50,15 @@ def test_a_file_may_be_wanted_alone(solved: PhotoSolution, tmp_path: Path, file:
     assert written == [tmp_path / "one" / file] == list((tmp_path / "one").iterdir())
 
 
+@pytest.mark.parametrize(("items", "said"), [("page,report", "report.json has the same figures."), ("page", "")])
+def test_without_scripts_a_page_names_only_what_is_beside_it(
+    items: str, said: str, solved: PhotoSolution, tmp_path: Path
+) -> None:
+    write(solved, tmp_path, Saving.of(items))
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert f"<noscript><p>This page needs JavaScript. {said}".rstrip() + "</p></noscript>" in page
+
+
 def test_everything_has_the_same_files_and_more(solved: PhotoSolution, tmp_path: Path) -> None:
     few, everything = (write(solved, tmp_path / name, what) for name, what in (("few", BATCH), ("all", EVERYTHING)))
     of_others = {"guide.png", "outline.png"}

@@ -13,10 +13,11 @@ from persfs_cl.pipeline.room import BYTES_PER_PROCESS, bytes_for
 from persfs_cl.surface.saving import Saving
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not tells_of_others(), reason="this system does not tell how much memory other processes took")
 @pytest.mark.parametrize(
     ("tiny", "side", "memory"),
-    [(40, 500, 60 * 2**20), pytest.param(1000, 3000, 2**28, marks=pytest.mark.thorough)],
+    [(40, 500, 60 * 2**20), (1000, 3000, 2**28)],
 )
 def test_many_small_photos_and_a_large_one_stay_within_what_is_said(
     tiny: int, side: int, memory: int, tmp_path: Path

@@ -498,6 +498,7 @@ class TestLampBesideTheCamera:
         with pytest.warns(UserWarning, match="^3600 pixels come out as near"):
             self.solve(scene, light=ps.FlashLight(gain=3.0, offset=(0.1, 0.0, 50.0)))
 
+    @pytest.mark.thorough
     def test_rounds_survive_a_surface_that_turns_away(self) -> None:
         scene = ps.hillside((80, 80), relief=0.3, light=ps.FlashLight(offset=(0.0, 0.2, 0.4)), reflectance=ps.Phong())
         with warnings.catch_warnings():

@@ -97,7 +97,7 @@ def test_materials_under_a_flash_are_found_and_wrong_ones_seen(device: Device) -
             assert other == true or errors[taken("flash", true, other)] >= 20.0 * right
 
 
-@pytest.mark.quick_where(holds=lambda parameters: parameters["light"] in ("oblique, toward", "frontal, away"))
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("material", "light", "factor"),
     [
@@ -116,6 +116,7 @@ def test_materials_under_a_parallel_light_are_found_better_than_lambertian(
     assert wrong >= factor * right
 
 
+@pytest.mark.thorough
 def test_a_rough_hill_and_another_surface_have_the_same_photograph(device: Device) -> None:
     """Under refinement the grey error goes down as fast as where depth is found, and the depth stays where it is."""
     records = [record for group in accuracy.ambiguity(Plan(device, sizes=(101, 201))) for record in group]

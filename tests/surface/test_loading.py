@@ -64,7 +64,7 @@ def test_the_strategies_have_every_light_and_material() -> None:
     assert set(MATERIALS.values()) == {ps.Lambertian, ps.OrenNayar, ps.Phong}
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(light=LIGHT, material=MATERIAL, camera=CAMERA, seed=st.integers(0, 2**32 - 1), walls=st.booleans())
 def test_what_was_saved_is_loaded(
     light: Any, material: Any, camera: ps.Camera, seed: int, walls: bool, solved: ps.Solution, tmp_path: Path

@@ -327,8 +327,9 @@ def test_the_smallest_surfaces_can_be_saved(shape: tuple[int, int], count: int, 
     found = ps.reconstruct(image, ps.Camera(20.0), light=ps.FlashLight(), mask=mask)
     np.testing.assert_array_equal(np.isfinite(found.depth), found.solved)
     assert found.solved.sum() == count
-    files = found.save(tmp_path)
-    assert len(files) == 13
+    with pytest.warns(UserWarning, match="mesh.ply could not be made: no three neighbouring pixels have a depth"):
+        files = found.save(tmp_path)
+    assert len(files) == 12
     assert all(path.stat().st_size > 0 for path in files)
 
 
@@ -369,5 +370,7 @@ def test_a_notebook_shows_the_surface(solution: ps.Solution) -> None:
     nothing = dataclasses.replace(
         solution, depth=np.full_like(solution.depth, np.nan), solved=np.zeros_like(solution.solved)
     )
-    assert nothing._repr_png_() is None
-    assert nothing._repr_html_() is None
+    for empty in (nothing, dataclasses.replace(solution, depth=nothing.depth)):
+        assert empty._repr_png_() is None
+        assert empty._repr_html_() is None
+        assert "nan" not in repr(empty)

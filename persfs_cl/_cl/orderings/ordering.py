@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.image import Image
+from persfs_cl._cl.kernel import ROW_GROUP
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.run import Run
 from persfs_cl.errors import KernelBuildError
@@ -19,19 +20,9 @@ from persfs_cl.errors import KernelBuildError
 ALL_ITERATIONS = 2**31 - 1
 """Of :meth:`Ordering.iterations_a_launch`: as many as are queued."""
 WORK_GROUP_OF_ONE = (1,)
-ROW_GROUP = 64
-"""Neighbouring cells of a row that a work-group takes, where each work-item takes its own, if a device allows it."""
 
 Self = TypeVar("Self", bound="Ordering")
 Grouped = TypeVar("Grouped", bound="InRowGroups")
-
-
-def in_row_groups(group: int, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Size of a launch of at least so many items along rows, and of its work-groups of so many.
-
-    That is one for images of all sizes: drivers for processors compile a kernel anew for each size of a group.
-    """
-    return (-(-items // group) * group, *others), (group, *(1 for _ in others))
 
 
 @dataclass(frozen=True)

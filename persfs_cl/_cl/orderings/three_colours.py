@@ -11,9 +11,10 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from persfs_cl._cl.image import Image
+from persfs_cl._cl.kernel import in_row_groups
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.orderings.account import first_account
-from persfs_cl._cl.orderings.ordering import InRowGroups, in_row_groups
+from persfs_cl._cl.orderings.ordering import InRowGroups
 from persfs_cl._cl.run import Run
 
 _BEFORE, _REACH = 3, 2

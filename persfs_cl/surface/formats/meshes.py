@@ -3,26 +3,50 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl.errors import InputError
 from persfs_cl.io.clouds import write_cloud, write_triangles
 from persfs_cl.io.files import atomic_path
 from persfs_cl.surface.formats.format import Format, Source
 
+if TYPE_CHECKING:
+    import trimesh
+
+    from persfs_cl.surface.triangles import Triangles
+
+_Mesh = TypeVar("_Mesh", "Triangles", "trimesh.Trimesh")
 _OF_ARRAYS, _MEMORY, _OF_TEXTS = 500, 750, 1300
 
 
 def _ply(target: Path, source: Source) -> None:
-    mesh = source.triangles
+    mesh = _with_faces(source.triangles)
     write_triangles(target, mesh.vertices, mesh.faces, mesh.colours)
 
 
 def _mesh(target: Path, source: Source) -> None:
+    mesh = _with_faces(source.mesh)
     with atomic_path(target) as temporary:
-        source.mesh.export(temporary)
+        mesh.export(temporary)
+
+
+def _with_faces(mesh: _Mesh) -> _Mesh:
+    """A mesh that has a triangle: what opens files of meshes shows nothing of others.
+
+    Raises
+    ------
+    InputError
+        When it has none.
+    """
+    if not len(mesh.faces):
+        raise InputError(
+            "no three neighbouring pixels have a depth, so that there is no triangle: give a mask that is wider than a "
+            "pixel, or take points.ply, which needs none."
+        )
+    return mesh
 
 
 def _solid(target: Path, source: Source) -> None:
@@ -35,8 +59,8 @@ def _scene(target: Path, source: Source) -> None:
     import trimesh
     from PIL import Image
 
+    mesh, visual = _with_faces(source.mesh), cast("Any", trimesh.visual)  # typed in part
     with atomic_path(target) as temporary:
-        mesh, visual = source.mesh, cast("Any", trimesh.visual)  # typed in part
         material = visual.material.PBRMaterial(
             baseColorTexture=Image.fromarray(source.rgb), metallicFactor=0.0, roughnessFactor=1.0
         )

@@ -138,10 +138,8 @@ def test_matrix_and_step(device: ps.Device, precision: Precision, light: str, ma
     assert not step[~reference.view.solved].any()
 
 
-# The model that takes longest to compile comes to the same.
-@pytest.mark.parametrize(
-    ("light", "material"), [("front", "lambertian"), pytest.param("lamp", "phong", marks=pytest.mark.thorough)]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize(("light", "material"), [("front", "lambertian"), ("lamp", "phong")])
 def test_devices_without_vectors_find_the_same(
     device: ps.Device, light: str, material: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
