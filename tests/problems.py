@@ -17,7 +17,7 @@ from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.choices import Boundary, Surface
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 OBLIQUE = ParallelLight(0.3, -0.2)

@@ -24,7 +24,7 @@ from persfs_cl.checks import warn
 from persfs_cl.errors import PersfsWarning
 from persfs_cl.io.photos import read_photo
 from persfs_cl.io.remarks import decoding
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import prepare
 from persfs_cl.solver.solve import solve
 from persfs_cl.told import concerning, hearing, listen

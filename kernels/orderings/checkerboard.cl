@@ -5,8 +5,9 @@
  * writes log_depth in place.
  *
  * With RESTS each item takes one vector at most, and a group, which takes PART of a row, is left alone if nothing can
- * have changed there, see account.cl. Half-sweeps count from FIRST_HALF; before it a part has FIRST_HALF - 1, or 0
- * where there is nothing to sweep.
+ * have changed there, see account.cl. An item may find what another of its group has just noted: that one would not
+ * have come so far had the group been left alone. Half-sweeps count from FIRST_HALF; before it a part has
+ * FIRST_HALF - 1, or 0 where there is nothing to sweep.
  */
 #define FIRST_HALF 3
 

@@ -54,8 +54,6 @@ typedef struct {
     __global real *previous;
     __global float *change; /* of the iteration */
     __global volatile int *changed; /* see account.cl, shape (2, bands + 2, segments + 2) */
-    __global real *drift;           /* likewise                                           */
-    real resting;                   /* likewise                                           */
     int rows, stride, first_colour, band_rows, bands, halves;
     int first_half; /* of the iteration                                                */
     int since;      /* the half-sweep that came first after the last search for the change */
@@ -95,7 +93,7 @@ static inline void sweep_band(const picture *image, const int band, const int to
                                               image->parameters, image->column_table, image->row_table, image->rows,
                                               image->stride, row, (image->first_colour + stage) & 1, first, last, 1));
         if (RESTS && any_sign(as_integer(0 - moved)))
-            note_change(image->changed + own, image->drift + own, largest_of_lanes(moved), now, image->resting);
+            image->changed[own] = now;
     }
 }
 
@@ -179,8 +177,6 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
       const int iterations_before,       /* of this run                                         */
       __global real *previous,           /* Z before an iteration, shape of log_depth           */
       __global volatile int *changed,    /* see above, of each image                            */
-      __global real *drift,              /* see account.cl, as changed                          */
-      const real resting,                /* likewise                                            */
       const int sweeps_before,           /* of this run                                         */
       const int measured_sweeps,         /* those before the last search for the change         */
       const int polls)                   /* in vain before a group goes on: see CHEAPER         */
@@ -214,8 +210,6 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), column
                                      previous + begin,
                                      changes + now * images + image,
                                      changed + image * account,
-                                     drift + (RESTS == 2 ? image * account : 0),
-                                     resting,
                                      rows,
                                      stride,
                                      first_colour,

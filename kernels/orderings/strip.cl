@@ -22,6 +22,11 @@
  * With RESTS a block is skipped if nothing has changed in its tiles, and in those that it reads, since a sweep last ran
  * it in the same direction, four sweeps ago: see tiles.cl. It would find the same values again, none of which was
  * lower. For that, tiles are the same in all directions: height and width are counted in whole ones.
+ *
+ * With RESTS 1 every change counts. With RESTS 2 those count that add up to more than `resting` since the tile last
+ * counted as changed; `drift` has the sum so far, of each tile. So nothing that a resting block reads, nor the block
+ * itself, has changed by more than `resting` since it was swept. As no monotone scheme makes more of a change than the
+ * change itself, its values are within `resting` of what another sweep would make of them.
  */
 #define STRIP_ROWS (LANES * VECTORS)
 #define APART 32           /* integers from one strip's progress to the next: no common cache line, nor pair of lines */
@@ -191,7 +196,7 @@ static inline int blocks_of(const int width)
  */
 typedef struct {
     __global volatile int *at; /* the tile that the block begins with; it ends in the one before */
-    __global real *drift;      /* see account.cl */
+    __global real *drift;      /* likewise: what its changes add up to */
     int step, row_step;
 } tiles;
 
@@ -219,6 +224,20 @@ static inline int last_change(const tiles all)
         for (int back = DIRECTED_ONLY - 1; back <= REACH; ++back)
             latest = max(latest, all.at[vector * all.row_step - (max(vector, 0) + back) * all.step]);
     return latest;
+}
+
+/* Notes that a sweep has changed a tile; `moved` is its largest change. By one work-item at a time. */
+static inline void note_change(__global volatile int *tile, __global real *drift, const real moved, const int sweep,
+                               const real resting)
+{
+#if RESTS == 2
+    const real sum = *drift + moved;
+    *drift = sum > resting ? 0 : sum;
+    if (sum > resting)
+        *tile = sweep;
+#else
+    *tile = sweep;
+#endif
 }
 
 /* Notes what a sweep has changed in the tiles of those vectors whose lanes have moved. */
@@ -356,7 +375,7 @@ run_block(lanes *state, __global real *log_depth, __global const real *brightnes
  * that any work-item may take it up again where it was left. `progress` counts the blocks that each strip has finished,
  * `done_before` of them before this sweep. Reads brightness, flags and tables, and reads and writes log_depth in place.
  *
- * `changed`, `drift` and `resting` are those of tiles.cl and account.cl, and `sweep` is the number of this one, from
+ * `changed` is that of tiles.cl, `drift` and `resting` are as above, and `sweep` is the number of this one, from
  * FIRST_SWEEP.
  *
  * `leftwards` is a constant in each call, so that the compiler makes two loops with straight addressing. `alone` says

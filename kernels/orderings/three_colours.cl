@@ -6,8 +6,8 @@
  *
  * With RESTS a group, which takes PART of a row, is left alone if neither it nor what it reads has changed since this
  * colour had its turn, three thirds of a sweep ago: see account.cl. These count from FIRST_THIRD; before it a part has
- * FIRST_THIRD - 1, or 0 where there is nothing to sweep. What another group changes meanwhile does not matter: it has
- * the same colour.
+ * FIRST_THIRD - 1, or 0 where there is nothing to sweep. What others change meanwhile, in this group or in another,
+ * does not matter: it has the same colour, and an item that goes on because of it finds the same value again.
  */
 #define FIRST_THIRD 4
 

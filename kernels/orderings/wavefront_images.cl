@@ -51,7 +51,7 @@ iterate(__global real *log_depth,          /* shape (images, rows, stride), padd
         __global const int4 *beside,
         __global real *renewed,
         __global volatile int *changed,    /* see tiles.cl, of each image                                      */
-        __global real *drift,              /* see account.cl, as changed                                       */
+        __global real *drift,              /* see strip.cl, of each image                                      */
         const real resting,                /* likewise                                                         */
         const int sweeps_before,           /* of this run                                                      */
         const int linear,                  /* 1: extrapolate, 0: outflow                                       */

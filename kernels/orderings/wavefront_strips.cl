@@ -115,7 +115,7 @@ sweep(__global real *log_depth,          /* shape (images, rows, stride), padded
       const int sweeps_before,           /* of this run                                                      */
       const int polls,                   /* in vain, before a group gives up: see patience_for               */
       __global volatile int *changed,    /* see tiles.cl, of each image                                      */
-      __global real *drift,              /* see account.cl, as changed                                       */
+      __global real *drift,              /* see strip.cl, of each image                                      */
       const real resting)                /* likewise                                                         */
 {
     const int strips = (height + STRIP_ROWS - 1) / STRIP_ROWS, total = strips * images;

@@ -1,30 +1,9 @@
 /* An account of changes: for each part of an image the number of the last sweep that changed it, so that parts can rest
  * of which neither they nor what they read have changed since a sweep last ran them.
  *
- * With RESTS 1 every change counts. With RESTS 2 those count that add up to more than `resting` since the part last
- * counted as changed; `drift` has the sum so far. So nothing that a resting part reads, nor the part itself, has
- * changed by more than `resting` since it was swept. As no monotone scheme makes more of a change than the change
- * itself, its values are within `resting` of what another sweep would make of them.
- *
- * Where many work-items share a part, RESTS is never 2.
- *
- * `changed` and `drift` have the parts of an image row by row, with some more on every side, to be read without a
- * question.
+ * `changed` has the parts of an image row by row, with some more on every side, to be read without a question. Where
+ * tiles are the parts, see tiles.cl.
  */
-
-/* Notes that a sweep has changed a part; `moved` is its largest change. By one work-item at a time. */
-static inline void note_change(__global volatile int *part, __global real *drift, const real moved, const int sweep,
-                               const real resting)
-{
-#if RESTS == 2
-    const real sum = *drift + moved;
-    *drift = sum > resting ? 0 : sum;
-    if (sum > resting)
-        *part = sweep;
-#else
-    *part = sweep;
-#endif
-}
 
 /* The last sweep that changed a part or one of the four beside it, in rows of `across` parts. */
 static inline int last_change_around(__global volatile int *part, const int across)

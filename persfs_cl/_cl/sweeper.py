@@ -63,8 +63,7 @@ class Sweeper:
         of it: by schemes that settle, and where much of the images is not swept. The values are the same. False
         computes every cell in every sweep, as is necessary where values change between these.
     resting : float
-        Where parts rest, let those rest too around which no value has changed by more than this since they were swept,
-        by orderings that sum changes.
+        Where tiles rest, let those rest too around which no value has changed by more than this since they were swept.
 
     Attributes
     ----------
@@ -106,9 +105,8 @@ class Sweeper:
         has_boundary = any(len(image.cells) for image in images)
         self._limits = constants_of(images, may_rise=not only_lower)
         rests = rests and not has_boundary and _has_what_rests(images, height * width)
-        self.ordering = ordering = replace(
-            ordering, rests=rests, drifts=rests and resting > 0.0 and ordering.sums_changes
-        )
+        drifts = rests and resting > 0.0 and ordering.counts_tiles
+        self.ordering = ordering = replace(ordering, rests=rests, drifts=drifts)
         self._layout = ordering.layout((height, width))
         self._tolerance = _rounded_down(tolerance)
         self._rested = np.zeros(self.count, bool)

@@ -11,7 +11,7 @@ import persfs_cl as ps
 from persfs_cl.bench.plan import Plan
 from persfs_cl.bench.results import Record
 from persfs_cl.bench.workloads import sweeper
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 ERROR, ELAPSED = "largest error", "elapsed"

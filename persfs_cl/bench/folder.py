@@ -29,7 +29,7 @@ from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import crew_settings
 from persfs_cl.scenes.framed import bumps
 from persfs_cl.shading.flash_light import FlashLight
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.solve import solve
 from persfs_cl.surface.saving import Saving
 

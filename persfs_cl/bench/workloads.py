@@ -14,7 +14,7 @@ from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.bench.timing import Work
 from persfs_cl.camera import Camera
 from persfs_cl.shading.parallel_light import ParallelLight
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.schemes.lax_friedrichs import LaxFriedrichs
 from persfs_cl.solver.schemes.scheme import MAX_SLOPE

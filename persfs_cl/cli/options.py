@@ -26,7 +26,8 @@ from persfs_cl.shading.lights import LIGHTS
 from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Option, Options, complete, described
+from persfs_cl.solver.complete import complete
+from persfs_cl.solver.options import Option, Options, described
 
 _CAMERA, _LIGHT, _MATERIAL, _REGION = "Camera", "Light", "Material", "Region and known values"
 _EITHER = "'--focal-length' / '--fov'"

@@ -56,7 +56,8 @@ from persfs_cl.pipeline.plan import sources
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Options, default_tolerance
+from persfs_cl.solver.complete import default_tolerance
+from persfs_cl.solver.options import Options
 from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.writing import load_libraries
@@ -173,6 +174,8 @@ def reconstruct(
         if threads_for(read.photo.image.size) > 1:
             Thread(target=load_libraries, args=(saving,)).start()
         result = solve(prepare(read), after_iteration)
+        # It takes memory that files are made in.
+        del read
         stopped = interrupted()
     try:
         with writing():

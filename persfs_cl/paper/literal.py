@@ -16,7 +16,7 @@ from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.arrays import Array
 from persfs_cl.scenes.scene import Scene
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.reference import Reference
 

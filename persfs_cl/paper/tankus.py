@@ -43,7 +43,7 @@ from persfs_cl.grid import PixelGrid
 from persfs_cl.paper import fast_marching
 from persfs_cl.shading.lights import require_light
 from persfs_cl.shading.parallel_light import ParallelLight
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 _DARKEST = 1e-6

@@ -27,7 +27,8 @@ from persfs_cl.pipeline.run import Again, Batch, BatchResult
 from persfs_cl.pipeline.shards import Shard, as_shard
 from persfs_cl.pipeline.store import FolderStore, Store
 from persfs_cl.pipeline.workforce import workforce
-from persfs_cl.solver.options import Options, complete, described
+from persfs_cl.solver.complete import complete
+from persfs_cl.solver.options import Options, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.solid import Block
 

@@ -18,8 +18,9 @@ from persfs_cl.io.colmap import read_colmap_points
 from persfs_cl.io.files import opened
 from persfs_cl.io.maps import read_numbers
 from persfs_cl.io.points import read_points
+from persfs_cl.solver.complete import require_guide
 from persfs_cl.solver.given import require_albedo_to_fit
-from persfs_cl.solver.options import Options, require_guide
+from persfs_cl.solver.options import Options
 from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.wording import keyword
 
@@ -106,7 +107,7 @@ def require_guided(options: Options, albedo: Path | Literal["fit"] | None, guide
     Parameters
     ----------
     options : Options
-        Complete, see :func:`persfs_cl.solver.options.complete`.
+        Complete, see :func:`persfs_cl.solver.complete.complete`.
     albedo : Path, "fit" or None
     guide_unit : float
     guided : bool

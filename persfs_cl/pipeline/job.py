@@ -332,7 +332,7 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
     ----------
     ready : PreparedJob
     options : Options
-        Complete, see :func:`persfs_cl.solver.options.complete`.
+        Complete, see :func:`persfs_cl.solver.complete.complete`.
 
     Raises
     ------
@@ -414,7 +414,7 @@ def _why_empty(left_out: Mapping[str, Mask]) -> str:
 
 def _require_shading(photo: Photo, mask: Mask) -> None:
     """Refuse a photo by its own values, before they are normalised."""
-    values = photo.image[mask]
+    values = photo.image if mask.all() else photo.image[mask]
     if bad := int(np.count_nonzero(np.isnan(values))):
         are = "1 NaN pixel is" if bad == 1 else f"{bad} NaN pixels are"
         raise InputError(f"{are} among those to solve: leave them out with {keyword('mask')}.")

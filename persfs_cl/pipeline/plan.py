@@ -23,7 +23,8 @@ from persfs_cl.shading.lambertian import Lambertian
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import Options, complete
+from persfs_cl.solver.complete import complete
+from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import Saving
 
 DEFAULT_ITEMS = "depth,normals,preview,report"

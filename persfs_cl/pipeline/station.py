@@ -130,7 +130,7 @@ class Station:
     saving : Saving
         Which files.
     options : Options
-        Complete, see :func:`persfs_cl.solver.options.complete`; the light and the material are the tasks' too.
+        Complete, see :func:`persfs_cl.solver.complete.complete`; the light and the material are the tasks' too.
     memory : int
         Bytes that photos may take together.
     put : callable

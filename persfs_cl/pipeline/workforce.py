@@ -16,7 +16,7 @@ from persfs_cl.pipeline.plan import Plan
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import Store
 from persfs_cl.pipeline.workers import Setting
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 
 ALL = "all"
 """Every device."""

@@ -211,7 +211,9 @@ def prepare_photo(
     saturated = nowhere if level is None else inside & (photo.largest_sample >= level)
     specks = specular = masked = filled = clipped = nowhere
     if preparation.despeckle:
-        light, specks = replace_specks(light, mask=inside)
+        replaced, specks = replace_specks(light, mask=inside)
+        # Most photos have none, and need no second array of the same light.
+        light = replaced if specks.any() else light
     if preparation.highlights != "keep":
         # In the colour of which the surface itself has least, the colour of the lamp stands out most.
         specular = find_specular(_raised(_decoded(photo, photo.smallest_sample), exponent, inside), mask=inside)

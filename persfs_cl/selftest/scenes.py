@@ -13,7 +13,7 @@ from persfs_cl.shading.flash_light import FlashLight
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.solver.schemes.scheme import MAX_SLOPE

@@ -18,6 +18,7 @@ from persfs_cl.blocks import in_row_blocks
 from persfs_cl.checks import FARTHEST, NEAREST, as_flag, as_number, as_numbers
 from persfs_cl.errors import InputError
 from persfs_cl.grid import PixelGrid
+from persfs_cl.quantiles import median
 from persfs_cl.shading.equations import Equation, FlashEquation, HeadlightEquation, LampEquation
 from persfs_cl.shading.forward import Direction, surface_norm
 from persfs_cl.shading.lambertian import Lambertian
@@ -246,7 +247,7 @@ class FlashLight(Light):
     def scaled(self, brightness: Array, log_depth: float) -> Array:
         """See :meth:`Light.scaled`."""
         log_scale = -2.0 * log_depth if self.falloff else 0.0
-        most = float(np.nanmax(np.abs(brightness)))
+        most = float(max(np.fmax.reduce(brightness, axis=None), -np.fmin.reduce(brightness, axis=None)))
         power = (math.log(self.known_gain) + log_scale + math.log(most)) / math.log(10.0) if most > 0.0 else 0.0
         if not abs(power) < _MOST_POWER:
             raise InputError.about(
@@ -255,7 +256,9 @@ class FlashLight(Light):
                 f"makes this depth as bright as 1e{power:+.0f}: give a gain in the unit of the depth, "
                 "or the depth in that of the gain.",
             )
-        return brightness * math.exp(log_scale) * self.known_gain
+        scaled = brightness * math.exp(log_scale)
+        scaled *= self.known_gain
+        return scaled
 
 
 @dataclass(frozen=True)
@@ -374,7 +377,7 @@ class FlashModel(_LampModel):
 
         in_row_blocks(begin, image.shape)
         everything = bool(solved.all())
-        level = float(np.median(first if everything else first[solved], overwrite_input=not everything))
+        level = median(first if everything else first[solved])
 
         def level_out(rows: slice) -> None:
             shading[rows] *= np.exp(2.0 * level)

@@ -156,7 +156,7 @@ def check(
 ) -> Given:
     """Check an image and its maps; see :func:`persfs_cl.reconstruct` for the parameters.
 
-    The options are complete, see :func:`persfs_cl.solver.options.complete`. The `whole` image is solved, or the part
+    The options are complete, see :func:`persfs_cl.solver.complete.complete`. The `whole` image is solved, or the part
     that the solution depends on.
 
     Raises

@@ -14,8 +14,9 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
+from persfs_cl.solver.complete import tolerance_of
 from persfs_cl.solver.distance import distance_to_limit
-from persfs_cl.solver.options import Callback, Options, tolerance_of
+from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
 

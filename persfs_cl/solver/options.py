@@ -22,21 +22,15 @@ from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.parallel_light import ParallelLight
 from persfs_cl.shading.reflectance import Reflectance
-from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
-from persfs_cl.solver.schemes.scheme import Scheme
-from persfs_cl.wording import keyword
+from persfs_cl.solver.schemes import AUTO, SCHEMES
 
 Callback = Callable[[int, float], bool | None]
 
 _STEEPEST = 1e6
 _MOST_ITERATIONS = 10**9
-_LEAST_GAIN = 1e-3
-"""The tolerance of the gain when none is given."""
 _PAINTS = ("plain", "painted")
 _MOST_PAINT = 10.0
 _MOST_SMOOTHING = 1e4
-_MOST_RESTING = 0.1 * (1.0 + 1e-12)
-"""Of the tolerance: the changes that blocks let pass add up along the way that a value takes."""
 
 _REGION, _SOLVER, _DEVICE = "Region and known values", "Solver", "Device"
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -325,146 +319,6 @@ def described() -> dict[str, tuple[Any, Option]]:
 
 
 _DESCRIBED = described()
-
-
-def complete(given: Options) -> Options:
-    """All keywords, checked one by one and against each other, "auto" replaced.
-
-    Raises
-    ------
-    InputError
-        Naming the keyword, its value, and what it may be.
-    TypeError
-        When there is no such keyword.
-    """
-    unknown = next((name for name in given if name not in _DESCRIBED), None)
-    if unknown is not None:
-        raise TypeError(f"There is no keyword argument {unknown!r}: give some of {', '.join(_DESCRIBED)}.")
-    options = cast(
-        "Options",
-        {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},
-    )
-    light, reflectance = options["light"], options["reflectance"]
-    scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
-    scheme.model(light, reflectance)
-    for name in scheme.without:
-        value: Any = cast("dict[str, Any]", options)[name]
-        if value != _DESCRIBED[name][1].default:
-            raise InputError.about(
-                name,
-                value,
-                f"with {keyword('scheme', scheme.name)}: {scheme.why_without}. Leave {keyword(name)} out.",
-            )
-    boundary = scheme.boundary(light) if options["boundary"] == AUTO else options["boundary"]
-    if boundary not in scheme.boundaries:
-        raise InputError.about(
-            "boundary",
-            boundary,
-            f"with {keyword('scheme', scheme.name)}: {scheme.why_no_other_boundary}. Use "
-            f"{keyword('boundary', scheme.boundary(light))}, or {keyword('scheme', 'lax-friedrichs')}.",
-        )
-    if light.determines_depth and boundary == "extrapolate":
-        remedy = f"use {keyword('boundary', 'wall')}."
-        raise InputError.about("boundary", boundary, f"under a flash has no level to start from: {remedy}")
-    if light.unknown is not None and options["guide_scale"] != "fixed":
-        raise InputError.about(
-            "guide_scale",
-            options["guide_scale"],
-            f"with {keyword('light', light)}: only one of the two may be unknown. Give the {light.unknown}, or a guide "
-            f"in units of depth with {keyword('guide_scale', 'fixed')}.",
-        )
-    if light.determines_depth and options["surface"] != "away":
-        raise InputError.about(
-            "surface",
-            options["surface"],
-            "under a flash with fall-off: the image alone tells which way the surface goes. Leave "
-            f"{keyword('surface')} out.",
-        )
-    if options["accuracy_order"] > scheme.highest_order:
-        raise InputError.about(
-            "accuracy_order",
-            options["accuracy_order"],
-            f"with {keyword('scheme', scheme.name)}: only the upwind scheme has a correction to second order. Use "
-            f"{keyword('scheme', 'upwind')}, or {keyword('accuracy_order', 1)}.",
-        )
-    if options["stopping"] == "gain" and not scheme.by_energy:
-        raise InputError.about(
-            "stopping",
-            options["stopping"],
-            f"with {keyword('scheme', scheme.name)}: only the regularised scheme has an energy to gain. Use "
-            f"{keyword('stopping', 'distance')}, or {keyword('scheme', 'regularised')}.",
-        )
-    options["scheme"], options["boundary"] = scheme.name, boundary
-    if options["tolerance"] is None:
-        options["tolerance"] = default_tolerance(scheme.name, options["stopping"])
-    _require_rest(options, scheme)
-    if options["max_slope"] is None:
-        options["max_slope"] = scheme.max_slope(light)
-    return options
-
-
-def _require_rest(options: Options, scheme: Scheme) -> None:
-    """Refuse that blocks rest early where that gains nothing, or where nobody knows what it costs."""
-    resting, most_resting = options["resting"], _MOST_RESTING * tolerance_of(options)
-    if resting == 0.0:
-        return
-    if not scheme.settles:
-        raise InputError.about(
-            "resting",
-            resting,
-            f"with {keyword('scheme', scheme.name)}: it creeps to its limit by such small changes. Use "
-            f"{keyword('resting', 0)}, or {keyword('scheme', 'upwind')}.",
-        )
-    if options["ordering"] != "wavefront":
-        raise InputError.about(
-            "resting",
-            resting,
-            f"with {keyword('ordering', options['ordering'])}: only in the wavefront's is the distance from the limit "
-            f"bounded. Use {keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
-        )
-    if options["accuracy_order"] > 1:
-        raise InputError.about(
-            "resting",
-            resting,
-            f"with {keyword('accuracy_order', 2)}: it would correct what is not at rest. Use {keyword('resting', 0)}, "
-            f"or {keyword('accuracy_order', 1)}.",
-        )
-    if resting > most_resting:
-        raise InputError.about(
-            "resting",
-            resting,
-            f"with {keyword('tolerance', tolerance_of(options))}: blocks would rest too far from the limit. Give at "
-            f"most a tenth of the tolerance, {most_resting:g}.",
-        )
-
-
-def default_tolerance(scheme: str, stopping: Stopping) -> float:
-    """What the tolerance is when none is given."""
-    if stopping == "gain":
-        return _LEAST_GAIN
-    # "auto" never is the scheme of an energy.
-    return SCHEMES[scheme].tolerance if scheme in SCHEMES else Scheme.tolerance
-
-
-def tolerance_of(options: Options) -> float:
-    """The tolerance of complete keywords, see :func:`complete`."""
-    tolerance = options["tolerance"]
-    assert tolerance is not None  # noqa: S101 - for the type checker
-    return tolerance
-
-
-def require_guide(options: Options, *, guided: bool) -> None:
-    """Refuse what is said of a guide where there is none.
-
-    Raises
-    ------
-    InputError
-        Naming the keyword.
-    """
-    for name in ("guide_kind", "guide_scale", "guide_tolerance"):
-        value: Any = cast("dict[str, Any]", options)[name]
-        if not guided and value != _DESCRIBED[name][1].default:
-            raise InputError.about(name, value, f"is without {keyword('guide')}: give one, or leave it out.")
 
 
 def reported(options: Options) -> dict[str, Any]:

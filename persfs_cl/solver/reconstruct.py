@@ -19,9 +19,10 @@ from persfs_cl.checks import unlike
 from persfs_cl.errors import CameraError, ConvergenceError, InputError
 from persfs_cl.framing.maps import straighten
 from persfs_cl.guide.guide import Points
+from persfs_cl.solver.complete import complete, require_guide, tolerance_of
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.iterate import Watch
-from persfs_cl.solver.options import Options, complete, require_guide, tolerance_of, with_options
+from persfs_cl.solver.options import Options, with_options
 from persfs_cl.solver.pieces import pieces, solve_in_pieces
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status, Taken

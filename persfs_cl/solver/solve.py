@@ -49,7 +49,7 @@ def solve(
     problems : sequence of Problem
         Of about one size.
     options : Options
-        Complete, see :func:`persfs_cl.solver.options.complete`.
+        Complete, see :func:`persfs_cl.solver.complete.complete`.
     watch : Watch, optional
     numbers : sequence of int, optional
         Those of the problems that warnings concern, see :func:`persfs_cl.told.concerning`; their places by default.

@@ -123,16 +123,21 @@ def simplified_triangles(
     if count <= most:
         return triangulation.mesh_triangles(z, camera, colour, discontinuities)
     step = math.ceil(math.sqrt(count / (_ENOUGH * most)))
-    faces = _thinned(along_rows, along_columns, step)
-    used = np.zeros(z.size, bool)
-    used[faces] = True
-    number = np.cumsum(used, dtype=np.int32)
-    pixels, view = np.flatnonzero(used), _View(z, camera)
-    seen, faces = _upright(view.of_samples(pixels, step, discontinuities), number[faces] - 1, most)
+    pixels, faces = _corners(_thinned(along_rows, along_columns, step), z.size)
+    view = _View(z, camera)
+    seen, faces = _upright(view.of_samples(pixels, step, discontinuities), faces, most)
     colours = None
     if colour is not None:
         colours = triangulation.rgb(colour, z.shape).reshape(-1, 3)[view.nearest_pixels(seen, pixels)]
     return Triangles(view.in_space(seen), faces, colours)
+
+
+def _corners(faces: NDArray[np.int32], count: int) -> tuple[Indices, NDArray[np.int32]]:
+    """Which of so many pixels are corners of triangles, and the triangles by the numbers of these among them."""
+    used = np.zeros(count, bool)
+    used[faces] = True
+    number = np.cumsum(used, dtype=np.int32)
+    return np.flatnonzero(used), number[faces] - 1
 
 
 class _View:

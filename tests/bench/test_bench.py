@@ -32,7 +32,7 @@ from persfs_cl.bench.workloads import Workload
 from persfs_cl.choices import Surface
 from persfs_cl.environment import environment
 from persfs_cl.errors import UnavailableError
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import Problem, prepare
 
 

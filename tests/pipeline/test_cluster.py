@@ -38,7 +38,7 @@ from persfs_cl.pipeline.run import BatchResult
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workers import Setting
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.surface.saving import Saving
 
 if importlib.util.find_spec("distributed") is None:

@@ -372,6 +372,9 @@ def test_specks_and_noise_are_told(floats: MapToPhoto) -> None:
     surface[5, 5] = 2.0
     prepared = prepare_photo(floats(surface), CAMERA, Preparation(despeckle=True))
     assert prepared.report["speck_pixels"] == prepared.specks.sum() == 1
+    smooth = prepare_photo(floats(prepared.light), CAMERA, Preparation(despeckle=True))
+    # A large photo takes no memory for the same light twice.
+    assert smooth.light is smooth.unfiltered
     assert prepared.light[5, 5] == 0.5
     assert prepared.unfiltered[5, 5] == 2.0
     noisy = np.maximum(surface + 0.02 * np.random.default_rng(0).standard_normal(surface.shape), 0.0)

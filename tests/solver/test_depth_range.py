@@ -14,7 +14,7 @@ from persfs_cl.arrays import Array
 from persfs_cl.choices import Boundary, Surface
 from persfs_cl.masks import rim
 from persfs_cl.shading.model import Light
-from persfs_cl.solver.options import complete
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import prepare
 from persfs_cl.solver.reference import Reference
 

@@ -11,7 +11,8 @@ import persfs_cl as ps
 from persfs_cl.choices import Precision, Surface
 from persfs_cl.masks import steps_from
 from persfs_cl.scenes.scene import Scene
-from persfs_cl.solver.options import Options, complete
+from persfs_cl.solver.complete import complete
+from persfs_cl.solver.options import Options
 
 FRONTAL, OBLIQUE = ps.ParallelLight(), ps.ParallelLight(0.15, -0.1)
 MAX_SLOPE = 5.0

@@ -13,8 +13,8 @@ from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.arrays import Mask
 from persfs_cl.masks import NONE
 from persfs_cl.solver import reconstruct as entry
+from persfs_cl.solver.complete import complete
 from persfs_cl.solver.given import check
-from persfs_cl.solver.options import complete
 from persfs_cl.solver.window import Window
 
 # The images are no photographs of surfaces, and nothing is asked of these.

@@ -43,7 +43,6 @@ class CheckerboardBands(Ordering):
     reason: ClassVar[str] = "The processors take bands of rows that fit into their caches, in vectors."
     sweeps_together: ClassVar[bool] = True
     numbers_a_sweep: ClassVar[int] = 2
-    sums_changes: ClassVar[bool] = True
 
     band_rows: int = 1
     work_groups: int = 1

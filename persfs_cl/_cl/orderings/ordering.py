@@ -84,9 +84,7 @@ class Ordering:
     numbers_a_sweep : int
         By which a sweep is counted in its account of changes, see :meth:`last_changes`.
     counts_tiles : bool
-        Whether that account is one of tiles, see kernels/shared/tiles.cl.
-    sums_changes : bool
-        Whether that account has sums of changes, so that parts can rest of which these are small.
+        Whether that account is one of tiles, see kernels/shared/tiles.cl, of which changes can be summed up.
     lanes : int
         Cells that a work-item updates at once: see kernels/shared/prelude.cl.
     second_order : bool
@@ -98,7 +96,7 @@ class Ordering:
         since the last sweep in the same direction. Sweeps must then come in turn, in all four directions. An ordering
         that keeps no account of changes has it without effect.
     drifts : bool
-        Where parts rest, and changes are summed, let those rest too whose changes come to no more than a run says.
+        Where tiles rest, let those rest too whose changes add up to no more than a run says: see the kernel of strips.
     """
 
     file: ClassVar[str]
@@ -115,7 +113,6 @@ class Ordering:
     corrections: ClassVar[int] = 2
     numbers_a_sweep: ClassVar[int] = 1
     counts_tiles: ClassVar[bool] = False
-    sums_changes: ClassVar[bool] = False
 
     lanes: int = 1
     second_order: bool = False
@@ -142,7 +139,7 @@ class Ordering:
 
     @property
     def account(self) -> dict[str, int]:
-        """Which account a kernel keeps of changes, for those that keep one: see kernels/shared/account.cl."""
+        """Which account a kernel keeps of changes, for those that keep one: with sums in it or not."""
         return {"RESTS": (2 if self.drifts else 1) if self.rests else 0}
 
     @property

@@ -32,7 +32,6 @@ class Strips(Ordering):
 
     vectors_down: ClassVar[bool] = True
     counts_tiles: ClassVar[bool] = True
-    sums_changes: ClassVar[bool] = True
 
     vectors: int = 3
     work_groups: int = 1

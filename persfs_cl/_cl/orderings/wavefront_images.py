@@ -19,7 +19,7 @@ class WavefrontImages(Strips):
 
     file: ClassVar[str] = "wavefront_images"
     function: ClassVar[str] = "iterate"
-    before: ClassVar[tuple[str, ...]] = ("update", "change", "account", "tiles", "strip", "boundary")
+    before: ClassVar[tuple[str, ...]] = ("update", "change", "tiles", "strip", "boundary")
     reason: ClassVar[str] = "A small image fits into the cache of one processor, which takes it through all its sweeps."
     single_sweeps: ClassVar[bool] = False
 

@@ -29,13 +29,7 @@ class WavefrontStrips(Strips):
     """
 
     file: ClassVar[str] = "wavefront_strips"
-    before: ClassVar[tuple[str, ...]] = (
-        "update",
-        "change",
-        "account",
-        "tiles",
-        "strip",
-    )
+    before: ClassVar[tuple[str, ...]] = ("update", "change", "tiles", "strip")
     reason: ClassVar[str] = "A large image is shared out to the processors in strips, which vectors run along."
     sweeps_together: ClassVar[bool] = True
 

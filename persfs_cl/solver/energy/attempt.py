@@ -16,13 +16,14 @@ from persfs_cl.guide.few import scatter_of
 from persfs_cl.guide.fit import Fitted, slope_of
 from persfs_cl.solver.agreed import Agreed, about, mean_focal_length
 from persfs_cl.solver.attempt import Attempt
+from persfs_cl.solver.complete import tolerance_of
 from persfs_cl.solver.energy.albedo import fit_albedo
 from persfs_cl.solver.energy.minimise import Minimum, Stopping
 from persfs_cl.solver.energy.prior import MOST, Prior
 from persfs_cl.solver.energy.regularised import Sought, regularised
 from persfs_cl.solver.energy.swept import swept
 from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
-from persfs_cl.solver.options import Options, tolerance_of
+from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
 
