@@ -66,6 +66,7 @@ The paper's vase, a synthetic image of known depth: {solution.iterations} iterat
   Height, scaled to [0, 1]:   here       ME {errors.mean:.4f}, RS {errors.root_mean_square:.4f}
                               the paper  ME {_PAPER_VASE[0]}, RS {_PAPER_VASE[1]} (depth offset not stated)
   Look at {folder / "relief.png"}: as only what lies around it is known, the vase is found as a hollow.
+  It has no page to turn it on; the skull has.
 """)
 
     folder = output / "skull"
@@ -92,7 +93,7 @@ A modelled skull, a real photograph by the camera's flash, 320 x 280 pixels: {re
                               here       ME {original.mean:.2f}, RS {original.root_mean_square:.2f}
                               the paper  ME {_PAPER_STATUE[0]}, RS {_PAPER_STATUE[1]} (another photograph, of a statue)
   Look at {folder / "relief.png"} and {folder / "comparison.png"}, and turn {folder / "mesh.ply"} in a mesh viewer.
-  The same by hand:
+  After 'make demo', '. .venv/bin/activate' puts persfs-cl on the path. The same by hand:
     persfs-cl reconstruct {shlex.quote(str(photo))} -o skull \\
       --mask {shlex.quote(str(mask))} --mask-erode {_SKULL_ERODED} \\
       --focal-length {_SKULL_FOCAL_LENGTH:g} --principal-point {_listed(_SKULL_POINT)} \\

@@ -56,6 +56,7 @@ def test_demo_needs_no_arguments_and_can_be_repeated(tmp_path: Path, monkeypatch
     assert 1 < np.nanmin(skull) < np.nanmax(skull) < 1.3
     for named in ("vase/relief.png", "skull/relief.png", "skull/comparison.png", "skull/mesh.ply"):
         assert str(Path("demo-output") / named) in outcome.stdout
+    assert "'. .venv/bin/activate' puts persfs-cl on the path" in outcome.stdout
     # By hand it is the same.
     command = outcome.stdout.partition("The same by hand:")[2].partition("\n\n")[0].replace("\\\n", " ")
     program, *arguments = shlex.split(command)
