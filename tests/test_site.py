@@ -135,6 +135,16 @@ def test_without_a_repository_links_to_its_files_are_text() -> None:
     assert LINKS.mended("of [`it`](../LICENSE), [a](guided.md)", "batch.md", None) == "of `it`, [a](guided.md)"
 
 
+def test_options_break_at_no_hyphen_and_cells_have_titles() -> None:
+    prepared = load("layout").prepared
+    long, block = f"<code>-{'a' * 40}</code>", "<pre><span></span><code>a --b</code></pre>"
+    assert prepared("<p><code>--a-b 1</code>") == '<p><code><span class="word">--a-b</span> 1</code>'
+    assert prepared(long + block) == long + block
+    table = "<table><tr><th>a <b>b</b></th><th>c</th></tr><tr><td>1</td><td>2</td></tr></table>"
+    titled = table.replace("<td>1", '<td data-title="a b">1').replace("<td>2", '<td data-title="c">2')
+    assert prepared(table) == titled
+
+
 def test_where_the_project_lives_stands_in_one_place() -> None:
     urls = tomlkit.parse((ROOT / "pyproject.toml").read_text(encoding="utf-8")).unwrap()["project"]["urls"]
     assert {"Homepage", "Repository", "Issues"} <= {*urls}

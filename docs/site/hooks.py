@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from layout import prepared
 from links import ELSEWHERE, NOTEBOOK, ROOT, mended, pictures_elsewhere, place_of, repository
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -32,3 +33,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Mend the links."""
     address = repository()
     return mended(markdown, page.file.src_uri, address and f"{address}/blob/main")
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001
+    """Prepare it for screens of all widths."""
+    return prepared(html)
