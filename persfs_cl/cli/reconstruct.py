@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from typing import Annotated
@@ -47,6 +48,7 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
+from persfs_cl.cli.spelling import in_words, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.io.account import superseded
 from persfs_cl.pipeline.brightness import Brightness
@@ -61,6 +63,7 @@ from persfs_cl.solver.options import Options
 from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.writing import load_libraries
+from persfs_cl.told import overhearing
 
 _REGION = "Region and known values"
 
@@ -124,6 +127,7 @@ def reconstruct(
     width: WidthOption = DEFAULT_WIDTH,
     base: BaseOption = DEFAULT_BASE,
     keywords: Options,
+    ctx: typer.Context,
 ) -> None:
     """Reconstruct the surface that one photo shows.
 
@@ -164,7 +168,7 @@ def reconstruct(
     if tolerance is None:
         tolerance = default_tolerance(keywords["scheme"], stopping)
     line = progress_line(tolerance, keywords["max_iterations"], stopping)
-    with stop_on_interrupt() as interrupted, line as show:
+    with stop_on_interrupt() as interrupted, line as show, overhearing() as said:
 
         def after_iteration(iteration: int, change: float) -> bool:
             show(iteration, change)
@@ -177,6 +181,8 @@ def reconstruct(
         # It takes memory that files are made in.
         del read
         stopped = interrupted()
+    spell = spelling(ctx.command.params)
+    result = replace(result, warnings=tuple(dict.fromkeys(in_words(each, spell) for each in said)))
     try:
         with writing():
             files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)

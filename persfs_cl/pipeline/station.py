@@ -281,7 +281,8 @@ class Station:
         work.said += said
         work.seconds["solve"] += time.perf_counter() - began
         total = solution.elapsed.total + work.seconds["prepare"]
-        work.solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
+        solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
+        work.solved = replace(solved, warnings=tuple(one.message for one in work.said))
         work.ready = work.attempted = None
 
     def _write_all(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -448,8 +449,15 @@ def test_an_object_before_a_dark_background_without_a_mask_is_told_of(tmp_path: 
     rows, columns = np.indices((20, 24)) - np.array([[[9.5]], [[11.5]]])
     moon = np.sqrt(np.clip(1.0 - (rows**2 + columns**2) / 7.0**2, 0.0, 1.0))
     Image.fromarray((255 * moon).astype(np.uint8)).save(tmp_path / "moon.png")
-    outcome = run("reconstruct", tmp_path / "moon.png", "-o", tmp_path / "out", "--fov", "2", "--save", "depth.npy")
+    saved = ("--save", "depth.npy,report,page")
+    outcome = run("reconstruct", tmp_path / "moon.png", "-o", tmp_path / "out", "--fov", "2", *saved)
     assert outcome.status == 0
     assert "warning: --known-depth is not given, and the edge of the image is taken for flat ground" in outcome.stderr
     assert "half of it has at most 0 % of the brightness" in outcome.stderr
     assert "% of those with a depth, are too dark for the light" in outcome.stderr
+    warned = strict(tmp_path / "out" / "report.json")["warnings"]
+    assert warned[0].startswith("--known-depth is not given")
+    assert all(f"persfs-cl: warning: {text}" in outcome.stderr for text in warned)
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    [record] = json.loads(page.partition('<script id="records" type="application/json">')[2].partition("</script>")[0])
+    assert record["warnings"] == warned
