@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Any, TextIO
 
 DEVELOPERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ImportWarning, ResourceWarning)
 """What is meant for those who write code, not for those who run it."""
@@ -102,6 +102,32 @@ def hearing() -> Iterator[list[Heard]]:
         with _Process.changing, warnings.catch_warnings(), _listener(heard):
             _take_over()
             yield heard
+
+
+@contextmanager
+def overhearing() -> Iterator[list[Warning]]:
+    """A block whose warnings go to a list too, as soon as they are shown to the user.
+
+    For the main thread of a program that nothing else listens in: `warnings.showwarning` is replaced until the end.
+
+    Yields
+    ------
+    list of Warning
+        Those for users, not for developers. Grows within the block.
+    """
+    heard: list[Warning] = []
+    usual = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **where: Any) -> None:
+        if not issubclass(category, DEVELOPERS):
+            heard.append(message if isinstance(message, Warning) else category(message))
+        usual(message, category, *place, **where)
+
+    warnings.showwarning = show
+    try:
+        yield heard
+    finally:
+        warnings.showwarning = usual
 
 
 @contextmanager

@@ -27,7 +27,7 @@ from persfs_cl.io.remarks import decoding
 from persfs_cl.solver.complete import complete
 from persfs_cl.solver.problem import prepare
 from persfs_cl.solver.solve import solve
-from persfs_cl.told import concerning, hearing, listen
+from persfs_cl.told import concerning, hearing, listen, overhearing
 from persfs_cl.wording import keyword
 
 THREADS = 8
@@ -50,6 +50,19 @@ def tiff(path: Path, *, odd: bool) -> Path:
         data[place + 8] = 77
         path.write_bytes(data)
     return path
+
+
+@pytest.mark.filterwarnings("always:")
+def test_what_is_overheard_is_shown_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr(warnings, "showwarning", lambda message, *_place, **_where: shown.append(str(message)))
+    with overhearing() as heard:
+        warn(f"{keyword('scheme', 'upwind')} is odd")
+        warnings.warn("for those who write code", DeprecationWarning, stacklevel=1)
+    warn("later")
+    assert list(map(str, heard)) == ["scheme='upwind' is odd"]
+    assert isinstance(heard[0], PersfsWarning)
+    assert shown == ["scheme='upwind' is odd", "for those who write code", "later"]
 
 
 @pytest.mark.usefixtures("either")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -47,9 +49,11 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
+from persfs_cl.cli.spelling import in_words, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.io.account import superseded
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.darkness import MANY
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import sources
@@ -59,13 +63,12 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.complete import default_tolerance
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.jobs import threads_for
+from persfs_cl.surface.outcome import Status
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.writing import load_libraries
+from persfs_cl.told import overhearing
 
 _REGION = "Region and known values"
-
-_MANY = 0.25
-"""Share of pixels without a bound on the slope beyond which shadow and paint are no likely reason."""
 
 
 @configurable
@@ -124,6 +127,7 @@ def reconstruct(
     width: WidthOption = DEFAULT_WIDTH,
     base: BaseOption = DEFAULT_BASE,
     keywords: Options,
+    ctx: typer.Context,
 ) -> None:
     """Reconstruct the surface that one photo shows.
 
@@ -164,7 +168,7 @@ def reconstruct(
     if tolerance is None:
         tolerance = default_tolerance(keywords["scheme"], stopping)
     line = progress_line(tolerance, keywords["max_iterations"], stopping)
-    with stop_on_interrupt() as interrupted, line as show:
+    with stop_on_interrupt() as interrupted, line as show, overhearing() as said:
 
         def after_iteration(iteration: int, change: float) -> bool:
             show(iteration, change)
@@ -177,6 +181,8 @@ def reconstruct(
         # It takes memory that files are made in.
         del read
         stopped = interrupted()
+    spell = spelling(ctx.command.params)
+    result = replace(result, warnings=tuple(dict.fromkeys(in_words(each, spell) for each in said)))
     try:
         with writing():
             files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)
@@ -196,7 +202,13 @@ def reconstruct(
             files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)
     for file in files:
         typer.echo(file)
-    typer.echo(_summary(result), err=True)
+    typer.echo(_summary(result, {file.name for file in files}), err=True)
+    if _is_by_gain_1(light, ctx):
+        typer.echo(
+            f"--lamp counts in the unit of --gain 1, in which the median depth is {result.depths['median']:.4g}; "
+            "angles of --lamp are as seen from depth 1.",
+            err=True,
+        )
     if stopped:
         raise typer.Exit(INTERRUPTED)
     # A warning has said why.
@@ -217,33 +229,22 @@ def _distance(distance: float) -> str:
     return f"By the rate of the last iterations, further ones would change the depth by up to {100 * distance:.1g} %.\n"
 
 
-def _too_dark(clamped: int, solved: int, light: Light) -> str:
-    """What pixels without a bound of their own on the slope say of the light, and what helps where they are many."""
-    share = clamped / solved
-    counted = f"{clamped} pixels, {100 * share:.2g} % of those with a depth,"
-    if share <= _MANY:
-        return (
-            f"{counted} are too dark for the light, and only --max-slope bounds their slope: mask them out if they are "
-            "shadow or paint."
-        )
-    if light.normalised and light.cosine_of_ground < 1.0:
-        return (
-            f"{counted} are darker than level ground, and under a slanting light only --max-slope bounds their slope. "
-            "Check --p0 and --q0, and on open ground give --normalise level; where noise or shadow leads astray, "
-            "--guide with --scheme regularised."
-        )
-    check = (
-        "--p0 and --q0 for one from the side, --light flash for a lamp at the camera"
-        if light.normalised
-        else "--lamp for one beside the lens, --light parallel for one far away"
-    )
-    return (
-        f"{counted} are too dark for the light, and only --max-slope bounds their slope. With so many the light is "
-        f"hardly the one that was told, or they are background. Check it: {check}. Mask out the background."
-    )
+def _mask(said: Mapping[str, Any], files: Collection[str]) -> str:
+    """What a mask that was found has of the photo, in words."""
+    if said["mask"] != "auto":
+        return ""
+    count = said["mask_pixels"]
+    see = ", see outline.png" if "outline.png" in files else ""
+    return f"The mask: {count} pixels ({100 * count / math.prod(said['size']):.2g} %){see}.\n"
 
 
-def _summary(result: PhotoSolution) -> str:
+def _is_by_gain_1(light: Light, ctx: typer.Context) -> bool:
+    """Whether the lamp has a place in lengths whose unit nobody told."""
+    source = ctx.get_parameter_source("gain")
+    return light.off_axis and source is not None and source.name == "DEFAULT"
+
+
+def _summary(result: PhotoSolution, files: Collection[str]) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
     grey, photo = result.prepared_residual, result.photo_residual
@@ -263,6 +264,7 @@ def _summary(result: PhotoSolution) -> str:
         f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
         f"{_distance(solution.distance)}"
+        f"{_mask(said, files)}"
         f"Focal length {solution.camera.fx:.6g} pixels, by {told_by}: {camera['horizontal_view']:.3g} degrees "
         "from left to right.\n"
         "Re-rendered, the surface differs, in grey levels (0 to 255),\n"
@@ -270,14 +272,21 @@ def _summary(result: PhotoSolution) -> str:
     if prepared:
         text += f"  from the prepared photo ({prepared}) by ME {grey.mean:.2f}, RS {grey.root_mean_square:.2f},\n"
     text += f"  from the photo itself by ME {photo.mean:.2f}, RS {photo.root_mean_square:.2f}."
-    if clamped := int(solution.clamped.sum()):
-        text += f"\n{_too_dark(clamped, int(solution.solved.sum()), solution.light)}"
+    clamped, solved = int(solution.clamped.sum()), int(solution.solved.sum())
+    # Of more, a warning has told.
+    if 0 < clamped <= MANY * solved:
+        text += (
+            f"\n{clamped} pixels, {100 * clamped / solved:.2g} % of those with a depth, are too dark for the light, "
+            "and only --max-slope bounds their slope: mask them out if they are shadow or paint."
+        )
     if (fit := solution.guide) is not None:
         gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
         text += (
             f"\nOf the guide: {fit.used} of {fit.cells} values used, {gain}noise {100 * fit.noise:.2g} % of the depth; "
             f"the surface may be {100 * fit.tolerance:.2g} % nearer than it."
         )
+    elif said["guide"] is not None and solution.status is Status.STOPPED:
+        text += "\nThe guide was not used yet when the run was ended."
     if at_bound := int(solution.at_bound.sum()):
         text += f"\n{at_bound} pixels lie on a bound of the depth, and not where the photo has them."
     if unreached := int(solution.unreached.sum()):

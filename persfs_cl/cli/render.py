@@ -101,4 +101,6 @@ def render(
     write_grey(output, image / white, 8 if bits == "8" else 16, encoding=encoding)
     typer.echo(output)
     if not light.normalised:
-        typer.echo(f"White is a brightness of {white:g}.", err=True)
+        gain = getattr(light, "gain", None)
+        remedy = "" if gain is None else f" To reconstruct from this file, give --gain {gain / white:.6g}."
+        typer.echo(f"White is a brightness of {white:g}.{remedy}", err=True)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.camera import Camera
+from persfs_cl.checks import warn
 from persfs_cl.colour import encode_srgb
 from persfs_cl.errors import CameraError, InputError
 from persfs_cl.framing.maps import Maps
@@ -26,6 +27,7 @@ from persfs_cl.io.maps import read_depth, read_light, read_mask
 from persfs_cl.io.photos import Photo, read_frame, read_photo
 from persfs_cl.masks import rim
 from persfs_cl.pipeline.brightness import Brightness
+from persfs_cl.pipeline.darkness import too_dark
 from persfs_cl.pipeline.frames import frames_for
 from persfs_cl.pipeline.guides import GuideFile
 from persfs_cl.pipeline.optics import CameraChoice, horizontal_view
@@ -345,11 +347,21 @@ def pose(ready: PreparedJob, options: Options) -> Problem:
 
 
 def finished(ready: PreparedJob, solution: Solution) -> PhotoSolution:
-    """A photo with its surface."""
+    """A photo with its surface.
+
+    Warns
+    -----
+    UserWarning
+        When many of its pixels are too dark for the light.
+    """
     inputs = ready.inputs
     height, width = inputs.photo.image.shape
     taken = Taken(inputs.camera, (height, width), inputs.job.outlined)
     solution = replace(solution, taken_by=taken)
+    clamped, solved = int(np.count_nonzero(solution.clamped)), int(np.count_nonzero(solution.solved))
+    levelled = ready.report["photo"]["normalise"] == "level"
+    if (remark := too_dark(clamped, solved, solution.light, levelled=levelled)) is not None:
+        warn(remark)
     return PhotoSolution(solution, inputs.photo.path, ready.colour, ready.prepared, ready.unfiltered, ready.report)
 
 

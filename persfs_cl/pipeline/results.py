@@ -46,6 +46,8 @@ class PhotoSolution:
         The photo itself, on the scale of the prepared image.
     report : mapping
         What the report says besides what it says of the solution.
+    warnings : tuple of str
+        What was said of it on the way, for the report and the page.
     """
 
     solution: Solution
@@ -54,6 +56,7 @@ class PhotoSolution:
     prepared: PreparedPhoto
     unfiltered: Array
     report: Mapping[str, Any]
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def prepared_residual(self) -> Errors:
@@ -165,7 +168,7 @@ def write(
 
     def report() -> dict[str, Any]:
         solved.compare(derived)
-        return {**solved.report, "grey_levels_photo": _grey_levels(solved)}
+        return {**solved.report, "warnings": list(solved.warnings), "grey_levels_photo": _grey_levels(solved)}
 
     def gone(names: Iterable[str]) -> Iterable[str]:
         return () if inputs is None else superseded(folder, names, inputs)
@@ -183,7 +186,13 @@ def write(
         if not set(PREVIEW).isdisjoint(saving.files):
             written += write_preview(temporary, solution, solved.colour, name=title, wanted=saving.files)
         if PAGE in saving.files:
-            about = {**solved.summary([*written, PAGE]), "name": "", "path": str(solved.path), "status": "done"}
+            about = {
+                **solved.summary([*written, PAGE]),
+                "name": "",
+                "path": str(solved.path),
+                "status": "done",
+                "warnings": solved.warnings,
+            }
             figures = REPORT if REPORT in written else None
             page = write_index(temporary, [about], title=title, parameters=solution.parameters, elsewhere=figures)
             written.append(page.name)

@@ -278,10 +278,11 @@ class Station:
         began = time.perf_counter()
         with hearing() as said:
             [solution] = told([finish(self._device, work.attempted, self._options)], [0])
+            work.seconds["solve"] += time.perf_counter() - began
+            total = solution.elapsed.total + work.seconds["prepare"]
+            solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
         work.said += said
-        work.seconds["solve"] += time.perf_counter() - began
-        total = solution.elapsed.total + work.seconds["prepare"]
-        work.solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
+        work.solved = replace(solved, warnings=tuple(one.message for one in work.said))
         work.ready = work.attempted = None
 
     def _write_all(self) -> None:

@@ -264,6 +264,8 @@ def test_a_mask_that_is_found_and_eroded(tmp_path: Path) -> None:
         assert outcome.status == 0, outcome.stderr
         found = np.isfinite(np.load(out / "depth.npy"))
         np.testing.assert_array_equal(found, eroded(disc, int(erode)))
+        said = f"The mask: {found.sum()} pixels ({100 * found.mean():.2g} %), see outline.png."
+        assert said in outcome.stderr
         photo = strict(out / "report.json")["photo"]
         assert (photo["mask"], photo["mask_erode"], photo["mask_pixels"]) == ("auto", int(erode), found.sum())
         shown = np.asarray(Image.open(out / "outline.png"))
@@ -278,6 +280,7 @@ def test_a_mask_that_is_found_and_eroded(tmp_path: Path) -> None:
     assert "flat.png: no object stands out from a dark background" in outcome.stderr
 
 
+@pytest.mark.filterwarnings("always:")
 def test_level_ground_wants_an_oblique_light(bent: Path) -> None:
     outcome = run(
         "reconstruct", bent, "-o", bent.parent / "out", "--fov", "40", "--normalise", "level", "--save", "depth"
@@ -289,6 +292,9 @@ def test_level_ground_wants_an_oblique_light(bent: Path) -> None:
         *("--save", "depth,report", "--max-iterations", "2"),
     )
     assert outcome.status == 0
+    # What was given is not asked for.
+    assert "are darker than level ground" in outcome.stderr
+    assert "Check --p0 and --q0; where noise" in outcome.stderr
     assert strict(bent.parent / "out" / "report.json")["photo"]["level"] == pytest.approx(2**-0.5)
 
 

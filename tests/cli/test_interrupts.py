@@ -54,6 +54,26 @@ def test_interrupt_of_the_preparation_writes_nothing(
 
 
 @pytest.mark.usefixtures("ctrl_c", "quick")
+def test_an_interrupt_before_the_guide_was_used_says_so(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def progress(*_arguments: object) -> Iterator[Callable[[int, float], None]]:
+        def show(iteration: int, _change: float) -> None:
+            if iteration == 2:
+                signal.raise_signal(signal.SIGINT)
+
+        yield show
+
+    (tmp_path / "points.csv").write_text("3,4,1.0\n20,12,1.1\n", encoding="utf-8")
+    monkeypatch.setattr("persfs_cl.cli.reconstruct.progress_line", progress)
+    guided = ("--guide", tmp_path / "points.csv", "--scheme=lax-friedrichs", "--tolerance=0", "--save=depth.npy")
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, *guided)
+    assert outcome.status == 130
+    assert "The guide was not used yet when the run was ended." in outcome.stderr
+
+
+@pytest.mark.usefixtures("ctrl_c", "quick")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_comes_twice_at_once_keeps_what_there_is(
     number: signal.Signals, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

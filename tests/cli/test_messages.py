@@ -43,7 +43,7 @@ def test_warnings_are_lines_in_the_words_of_the_command(photo: Path, tmp_path: P
         "in pixels, not millimetres. CONVERGED"
     )
     assert strict(tmp_path / "millimetres" / "report.json")["camera"]["horizontal_view"] > 120
-    assert "warning" not in run("reconstruct", photo, "-o", tmp_path / "fov", "--fov=150").stderr
+    assert "means a view" not in run("reconstruct", photo, "-o", tmp_path / "fov", "--fov=150").stderr
     assert "warning" not in run("reconstruct", photo, "-o", tmp_path / "pixels", "--focal-length=9").stderr
 
     flash = ps.bump((HEIGHT, WIDTH), light=ps.FlashLight())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,11 @@ import numpy as np
 import pytest
 import tifffile
 import trimesh
-from command import FILES, FOCAL, HEIGHT, SCENE, WIDTH, names, run, strict
+from command import FILES, FOCAL, HEIGHT, SCENE, WIDTH, names, png, run, strict
 from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl import colour
-from persfs_cl.cli.reconstruct import _too_dark
 from persfs_cl.io.export import write_depth
 from persfs_cl.io.maps import read_depth
 from persfs_cl.io.photos import read_photo
@@ -202,7 +202,12 @@ def test_the_place_of_the_lamp_may_be_an_angle(tmp_path: Path) -> None:
     scene = ps.hillside((HEIGHT, WIDTH), light=light, focal_length=WIDTH)
     tifffile.imwrite(tmp_path / "photo.tif", scene.image)
     lamp = ("--light=flash", "--lamp=0,-6deg,0.05")
-    assert run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *lamp).status == 0
+    outcome = run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *FOCAL, *lamp)
+    assert outcome.status == 0
+    median = np.median(np.load(tmp_path / "out" / "depth.npy"))
+    assert f"--lamp counts in the unit of --gain 1, in which the median depth is {median:.4g}" in outcome.stderr
+    told = run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "told", *FOCAL, *lamp, "--gain=1")
+    assert (told.status, "counts in the unit" in told.stderr) == (0, False)
     given = strict(tmp_path / "out" / "report.json")["parameters"]["light"]["offset"]
     assert given == pytest.approx(light.offset)
 
@@ -426,21 +431,13 @@ def test_acceleration_is_an_option_and_an_entry_of_a_configuration(photo: Path, 
         assert strict(folder / "report.json")["parameters"]["acceleration"] is expected
 
 
-@pytest.mark.parametrize(
-    ("share", "light", "said", "not_said"),
-    [
-        (0.01, ps.ParallelLight(), ("100 pixels, 1 % of those", "shadow or paint"), "--p0"),
-        (0.98, ps.ParallelLight(), ("98 %", "--p0 and --q0", "--light flash", "background"), "--normalise level"),
-        (0.98, ps.ParallelLight(0.0, -1.0), ("98 %", "--normalise level", "--scheme regularised"), "background"),
-        (0.5, ps.FlashLight(), ("50 %", "--lamp", "--light parallel"), "--normalise"),
-    ],
-)
-def test_the_share_of_pixels_that_are_too_dark_and_what_helps_are_told(
-    share: float, light: ps.ParallelLight | ps.FlashLight, said: tuple[str, ...], not_said: str
-) -> None:
-    text = _too_dark(round(10_000 * share), 10_000, light)
-    assert not [words for words in said if words not in text]
-    assert not_said not in text
+def test_few_pixels_that_are_too_dark_are_told_of(tmp_path: Path) -> None:
+    image = SCENE.image.copy()
+    image[10:12, 10:12] = 0.0
+    png(tmp_path / "spots.png", image)
+    outcome = run("reconstruct", tmp_path / "spots.png", "-o", tmp_path / "out", *FOCAL, "--save", "depth.npy")
+    assert "4 pixels, 0.56 % of those with a depth, are too dark for the light" in outcome.stderr
+    assert "warning" not in outcome.stderr
 
 
 @pytest.mark.filterwarnings("always:")
@@ -448,8 +445,17 @@ def test_an_object_before_a_dark_background_without_a_mask_is_told_of(tmp_path: 
     rows, columns = np.indices((20, 24)) - np.array([[[9.5]], [[11.5]]])
     moon = np.sqrt(np.clip(1.0 - (rows**2 + columns**2) / 7.0**2, 0.0, 1.0))
     Image.fromarray((255 * moon).astype(np.uint8)).save(tmp_path / "moon.png")
-    outcome = run("reconstruct", tmp_path / "moon.png", "-o", tmp_path / "out", "--fov", "2", "--save", "depth.npy")
+    saved = ("--save", "depth.npy,report,page")
+    outcome = run("reconstruct", tmp_path / "moon.png", "-o", tmp_path / "out", "--fov", "2", *saved)
     assert outcome.status == 0
     assert "warning: --known-depth is not given, and the edge of the image is taken for flat ground" in outcome.stderr
     assert "half of it has at most 0 % of the brightness" in outcome.stderr
-    assert "% of those with a depth, are too dark for the light" in outcome.stderr
+    assert outcome.stderr.count("of those with a depth") == 1
+    warned = strict(tmp_path / "out" / "report.json")["warnings"]
+    assert warned[0].startswith("--known-depth is not given")
+    assert "% of those with a depth, are too dark for the light, and only --max-slope bounds" in warned[1]
+    assert "Check it: --p0 and --q0 for one from the side, --light flash for a lamp at the camera." in warned[1]
+    assert all(f"persfs-cl: warning: {text}" in outcome.stderr for text in warned)
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    [record] = json.loads(page.partition('<script id="records" type="application/json">')[2].partition("</script>")[0])
+    assert record["warnings"] == warned

@@ -24,7 +24,8 @@ def test_render_with_a_flash(white: float | None, tmp_path: Path) -> None:
     light, reflectance = ps.FlashLight(gain=2.0), ps.Phong(specular=0.2)
     expected = ps.render(0.5 * SCENE.depth, ps.Camera(WIDTH), light=light, reflectance=reflectance)
     brightest = white or expected.max()
-    assert (outcome.status, outcome.stderr) == (0, f"White is a brightness of {brightest:g}.")
+    said = f"White is a brightness of {brightest:g}. To reconstruct from this file, give --gain {2 / brightest:.6g}."
+    assert (outcome.status, outcome.stderr) == (0, said)
     written = read_photo(tmp_path / "a.png", encoding="linear").image
     np.testing.assert_allclose(written, (expected / brightest).clip(0, 1), atol=1e-5)
 

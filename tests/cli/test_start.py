@@ -40,7 +40,7 @@ def test_help_and_version() -> None:
     assert run("reconstrct").status == 2
     details = run("reconstruct", "--help").stdout
     for name in inspect.signature(reconstruct).parameters:
-        assert name == "photo" or f"--{ {'offset': 'lamp'}.get(name, name).replace('_', '-') }" in details
+        assert name in ("photo", "ctx") or f"--{ {'offset': 'lamp'}.get(name, name).replace('_', '-') }" in details
     for text in ("Camera", "Light", "Solver", "DEGREES", "persfs-cl reconstruct photo.jpg", "STOPPED"):
         assert text in details
 

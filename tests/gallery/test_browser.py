@@ -318,11 +318,20 @@ def test_relief_that_is_gone_is_said_to_be(browser: Browser, tmp_path: Path) -> 
 
 def test_single_image_opens_on_its_relief(browser: Browser, tmp_path: Path) -> None:
     write_preview(tmp_path, surface(dome(*SHAPE)), chequered(*SHAPE), name="")
-    write_index(tmp_path, [record("", path="/data/one.png")], title="one.png")
+    files = ["preview.jpg", "relief.js", "depth.npy", "index.html", "report.json"]
+    write_index(tmp_path, [record("", path="/data/one.png", files=files)], title="one.png")
     browser.visit(tmp_path / "index.html")
     browser.drawn()
     assert worn(stage(browser)).mean() > 0.15
     assert browser.evaluate("document.querySelector('#list').offsetHeight") == 0
+    facts = browser.evaluate("[...document.querySelectorAll('#facts dd')].map((one) => one.textContent)")
+    named = browser.evaluate("[...document.querySelectorAll('#facts dt')].map((one) => one.textContent)")
+    told = dict(zip(named, facts, strict=True))
+    assert told["Outcome"] == "converged"
+    assert told["Mean grey error"].endswith(" of 255")
+    assert told["Field of view"].endswith("°")
+    links = browser.evaluate("[...document.querySelectorAll('ul.files a')].map((link) => link.textContent)")
+    assert links == ["depth.npy", "report.json", "preview.jpg", "relief.js", "index.html"]
     first = stage(browser)
     browser.drag(STAGE, 100, 40)
     assert (np.abs(stage(browser) - first).max(axis=-1) > 40).mean() > 0.1

@@ -81,8 +81,8 @@ class Panel {
     const parts = Object.entries(record.seconds ?? {}).map(([step, value]) => `${step} ${duration(value)}`);
     const shown = columns.slice(2).filter(({ key }) => key !== "warnings" && key !== "solved" && key !== "seconds");
     const pairs = [
-      ["Outcome", failed(record) ? null : outcome(record).text],
-      ...shown.map((column) => [column.key === "error" ? "Mean error" : column.label, cell(column, record)]),
+      ["Outcome", failed(record) ? null : end(record)],
+      ...shown.map((column) => [column.full ?? column.label, measured(column, record)]),
       ["Median depth", figure(figures(record).depth_median)],
       ["Focal length", lengths ? `${[...new Set(lengths)].map((value) => figure(value)).join(" × ")} px` : null],
       ["Solved pixels", Number.isFinite(solved) ? `${figure(solved)} (${percent(share(record))})` : null],
@@ -98,7 +98,7 @@ class Panel {
     ];
     made.push(element("dl", {}, ...definitions(pairs)));
     if (files(record).length) {
-      const links = files(record).map((file) =>
+      const links = listed(record).map((file) =>
         element("li", {}, element("a", { href: address(record.name, file), target: "_blank", rel: "noopener" }, file)),
       );
       made.push(element("h3", {}, "Files"), element("ul", { className: "files" }, ...links));

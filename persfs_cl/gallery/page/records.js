@@ -20,6 +20,14 @@ const percent = (value) => {
 };
 const dimensions = (record) => (record.size ? `${record.size[1]} × ${record.size[0]}` : MISSING);
 const ENDS = { CONVERGED: "converged", MAX_ITERATIONS: "not converged", STOPPED: "stopped" };
+/** How a run ended, where it is asked of one image: that it is done says little. */
+const end = (record) => ENDS[record.converged] ?? outcome(record).text;
+/** What the pages are made of, and nobody opens by itself. */
+const INTERNAL = ["preview.jpg", "photo.jpg", "relief.js", "index.html"];
+const listed = (record) => {
+  const inside = (file) => INTERNAL.includes(file);
+  return [...files(record).filter((file) => !inside(file)), ...files(record).filter(inside)];
+};
 const title = (record) => record.name || (record.path ?? "").split("/").pop() || about.title;
 
 function outcome(record) {
@@ -41,12 +49,12 @@ const columns = [
   },
   { key: "solved", label: "Solved", rank: 1, width: 88, number: true, value: share,
     text: (record) => percent(share(record)), about: "Pixels that have a depth" },
-  { key: "error", label: "Error", rank: 0, width: 84, number: true, value: (record) => figures(record).mean_error,
+  { key: "error", label: "Grey error", full: "Mean grey error", unit: "of 255", rank: 0, width: 108, number: true, value: (record) => figures(record).mean_error,
     digits: 3, about: "Mean difference between the photograph and the surface re-rendered, in grey levels of 255" },
-  { key: "rms", label: "RMS", rank: 3, width: 84, number: true, digits: 3,
+  { key: "rms", label: "Grey RMS", full: "RMS grey error", unit: "of 255", rank: 3, width: 100, number: true, digits: 3,
     value: (record) => figures(record).root_mean_square, about: "Root mean square of the same differences" },
   { key: "iterations", label: "Iterations", rank: 3, width: 104, number: true, value: (record) => record.iterations },
-  { key: "view", label: "View", rank: 3, width: 84, number: true, value: (record) => figures(record).horizontal_view,
+  { key: "view", label: "Field of view", rank: 3, width: 122, number: true, value: (record) => figures(record).horizontal_view,
     text: (record) => angle(record), about: "Horizontal field of view" },
   { key: "seconds", label: "Time", rank: 1, width: 84, number: true, value: seconds,
     text: (record) => duration(seconds(record)), about: "Reading, preparing, solving and writing together" },
@@ -65,6 +73,12 @@ function angle(record) {
 }
 
 const cell = (column, record) => (column.text ? column.text(record) : figure(column.value(record), column.digits));
+
+/** The same with its unit, where it stands alone. */
+const measured = (column, record) => {
+  const text = cell(column, record);
+  return column.unit && text !== MISSING ? `${text} ${column.unit}` : text;
+};
 
 const states = [
   { key: "all", label: "All", test: () => true },
