@@ -7,6 +7,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from persfs_cl.cli.brightness import chosen_brightness
@@ -48,6 +49,7 @@ from persfs_cl.cli.output import (
 )
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
+from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.account import superseded
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve
@@ -66,6 +68,10 @@ _REGION = "Region and known values"
 
 _MANY = 0.25
 """Share of pixels without a bound on the slope beyond which shadow and paint are no likely reason."""
+
+_MOST, _UNLIKE, _DETAIL = 0.95, 4.0, 0.05
+"""Share of pixels whose difference from a guide is told; and the noises, and the share of the depth, beyond which it is
+no detail that the guide lacks."""
 
 
 @configurable
@@ -243,6 +249,25 @@ def _too_dark(clamped: int, solved: int, light: Light) -> str:
     )
 
 
+def _of_guide(fit: GuideFit, *, bounded: bool) -> str:
+    """What became of the guide: a bound of the surface in the sweeps, a prior of it where energy is least."""
+    gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
+    text = (
+        f"Of the guide: {fit.used} of {fit.cells} values used, {gain}noise {100 * fit.noise:.2g} % of the depth; "
+        "the surface "
+    )
+    if bounded:
+        return f"{text}may be {100 * fit.tolerance:.2g} % nearer than it."
+    apart = np.abs(fit.departure[np.isfinite(fit.departure)])
+    if not apart.size:
+        return f"{text}has no pixel in common with it."
+    most = float(np.quantile(apart, _MOST))
+    text += f"differs from it by up to {100 * math.expm1(most):.2g} % at {100 * _MOST:.0f} % of the pixels."
+    if most > max(_UNLIKE * fit.tolerance, _DETAIL):
+        text += " That is far more than the noise: check the light's direction, the camera, and --guide-unit."
+    return text
+
+
 def _summary(result: PhotoSolution) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
@@ -273,11 +298,7 @@ def _summary(result: PhotoSolution) -> str:
     if clamped := int(solution.clamped.sum()):
         text += f"\n{_too_dark(clamped, int(solution.solved.sum()), solution.light)}"
     if (fit := solution.guide) is not None:
-        gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
-        text += (
-            f"\nOf the guide: {fit.used} of {fit.cells} values used, {gain}noise {100 * fit.noise:.2g} % of the depth; "
-            f"the surface may be {100 * fit.tolerance:.2g} % nearer than it."
-        )
+        text += f"\n{_of_guide(fit, bounded=solution.parameters['scheme'] != 'regularised')}"
     if at_bound := int(solution.at_bound.sum()):
         text += f"\n{at_bound} pixels lie on a bound of the depth, and not where the photo has them."
     if unreached := int(solution.unreached.sum()):
