@@ -292,6 +292,12 @@ def _missing(path: str) -> str:
     return f"{path} does not exist: check the spelling and the folder."
 
 
+def folder_error(path: Path) -> InputError:
+    """The error about a folder in place of a file; in one of results the depth is meant."""
+    held = next((path / name for name in ("depth.npy", "depth.tiff") if (path / name).is_file()), None)
+    return InputError(f"{path} is a folder: {'name a file in it' if held is None else f'give {held}'}.")
+
+
 def json_text(value: Any, *, indent: int | None = 2) -> str:
     """A value as JSON, which every reader takes: null stands for NaN and infinity, which JSON has not.
 
@@ -399,9 +405,7 @@ def _open(path: FilePath, place: Path) -> BinaryIO:
         raise InputError(f"{path!r} is no path ({error}): give another.") from error
     mode = status.st_mode
     if stat.S_ISDIR(mode):
-        held = next((name for name in ("depth.npy", "depth.tiff") if (place / name).is_file()), None)
-        remedy = "name a file in it" if held is None else f"give {place / held}"
-        raise InputError(f"{path} is a folder: {remedy}.")
+        raise folder_error(place)
     if not stat.S_ISREG(mode):
         raise InputError(f"{path} is {_kind(mode)}, not a regular file: save its content as a file, and give that.")
     if not status.st_size:

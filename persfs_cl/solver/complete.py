@@ -12,6 +12,8 @@ from persfs_cl.solver.schemes.scheme import Scheme
 from persfs_cl.wording import keyword, nearest
 
 _DESCRIBED = described()
+_MAPS = ("mask", "walls", "known_depth", "albedo", "depth_range", "guide")
+"""Keywords that each image has of its own."""
 _LEAST_GAIN = 1e-3
 """The tolerance of the gain when none is given."""
 _MOST_RESTING = 0.1 * (1.0 + 1e-12)
@@ -30,8 +32,8 @@ def complete(given: Options) -> Options:
     """
     unknown = next((name for name in given if name not in _DESCRIBED), None)
     if unknown is not None:
-        near = nearest(unknown, _DESCRIBED)
-        remedy = f"give some of {', '.join(_DESCRIBED)}." if near is None else f"did you mean {near}?"
+        near = nearest(unknown, (*_MAPS, *_DESCRIBED))
+        remedy = f"give some of {', '.join((*_MAPS, *_DESCRIBED))}." if near is None else f"did you mean {near}?"
         raise TypeError(f"There is no keyword argument {unknown!r}: {remedy}")
     options = cast(
         "Options",
