@@ -175,9 +175,9 @@ class _Commands(TyperGroup):
         if name not in _EPILOGS and not ctx.resilient_parsing:
             place = Path(name)
             if place.is_dir():
-                ctx.fail(f"{name} is a folder, not a command: persfs-cl batch {shlex.quote(name)} -o results")
+                ctx.fail(f"{name} is no command. For a folder: persfs-cl batch {shlex.quote(name)} -o results")
             if place.is_file() or place.suffix:
-                ctx.fail(f"{name} is a file, not a command: persfs-cl reconstruct {shlex.quote(name)} -o result")
+                ctx.fail(f"{name} is no command. For a photo: persfs-cl reconstruct {shlex.quote(name)} -o result")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:

@@ -144,6 +144,8 @@ class ConfiguredCommand(TyperCommand):
 
     def _slip(self, args: list[str]) -> str | None:
         """What helps where a flag has a value, or a choice is given as an option; None where neither is seen."""
+        # What follows is no option, whatever it looks like.
+        args = args[: args.index("--")] if "--" in args else args
         names = {name: each for each in self.params for name in (*each.opts, *each.secondary_opts)}
         for name, word in pairwise(args):
             if not getattr(names.get(name), "is_flag", False) or word.lower() not in _ON + _OFF or Path(word).exists():

@@ -212,6 +212,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "a scheme as an option": (("--upwind",), 2, ("No such option: --upwind. Give --scheme upwind.",)),
     "the sun as an option": (("--sun",), 2, ("No such option: --sun. Give --light parallel, and its direction",)),
     "a word of many options": (("--auto",), 2, ("No such option: --auto (",)),
+    "a name that looks like an option": (("--", "--flash"), 2, ("--flash is too much",)),
     "a flag with no": (("--falloff", "no"), 2, ("--falloff no: --falloff takes no value, give --no-falloff.",)),
     "a flag with false": (("--overwrite", "False"), 2, ("--overwrite takes no value, leave both out.",)),
     "a flag with yes": (("--no-falloff", "yes"), 2, ("--no-falloff takes no value, leave yes out.",)),
@@ -391,7 +392,7 @@ def test_a_photo_in_place_of_a_command_is_told_the_command(tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     Path("my photos").mkdir()
     assert "persfs-cl batch 'my photos' -o results" in run("my photos").stderr
-    assert "moon.png is a file, not a command: persfs-cl reconstruct moon.png -o result" in run("moon.png").stderr
+    assert "moon.png is no command. For a photo: persfs-cl reconstruct moon.png -o result" in run("moon.png").stderr
     assert "Did you mean 'reconstruct'?" in run("recnstruct").stderr
 
 
