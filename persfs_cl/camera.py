@@ -22,6 +22,8 @@ from persfs_cl.wording import brief, keyword
 _WIDEST_DEGREES = 85.0
 _WIDEST = math.tan(math.radians(_WIDEST_DEGREES))
 _LEAST_TANGENT = 1e-100
+COMMON_VIEWS = "Common cameras have 30 to 80."
+"""What an error about a field of view, in degrees, ends with."""
 
 
 @dataclass(frozen=True)
@@ -273,7 +275,7 @@ class Camera:
         if angle is None or len(angle) != 1 or not 0 < angle[0] < 180:
             raise CameraError(
                 f"A horizontal field of view of {brief(horizontal_degrees)} degrees is impossible: give an angle "
-                "between 0 and 180. Common cameras have 30 to 80.",
+                f"between 0 and 180. {COMMON_VIEWS}",
                 argument="horizontal_degrees",
                 value=horizontal_degrees,
             )
@@ -332,7 +334,13 @@ class Camera:
         >>> round(camera.fx, 1)
         300.5
         """
-        return cls(exif_focal_length(path)[0])
+        try:
+            length, _ = exif_focal_length(path)
+        except CameraError as error:
+            raise error.adding(
+                f"Or have it from the horizontal field of view, by Camera.from_fov(degrees, shape). {COMMON_VIEWS}"
+            ) from error
+        return cls(length)
 
     @classmethod
     def from_file(cls, path: FilePath) -> Camera:

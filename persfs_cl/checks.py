@@ -65,6 +65,9 @@ def as_floats(name: str, given: ArrayLike) -> Array:
     """
     values = as_array(name, given)
     if values.dtype.kind not in "iuf":
+        # A scene, or a solution.
+        if values.ndim == 0 and (held := next((each for each in (name, "depth") if hasattr(given, each)), None)):
+            raise unlike(name, given, f"is a {type(given).__name__}, no array: give its .{held}.")
         raise unlike(name, given, f"holds {values.dtype}, not numbers: give an array of floats.")
     return to_float64(values)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from numbers import Real
 from typing import Any, TypeAlias
 
@@ -101,6 +102,18 @@ def at_place(place: object, text: str, between: str = "") -> str:
     name = str(place)
     named = text.startswith(name) and text[len(name) : len(name) + 1] in {" ", ",", ":"}
     return f"{between}{text}" if named else f"{name}: {between}{text}"
+
+
+def nearest(word: str, choices: Iterable[str]) -> str | None:
+    """That of some choices which somebody may have meant who gave another word.
+
+    Examples
+    --------
+    >>> from persfs_cl.wording import nearest
+    >>> nearest("ligth", ["mask", "light"]), nearest("colour", ["mask", "light"])
+    ('light', None)
+    """
+    return next(iter(get_close_matches(word, list(choices), n=1)), None)
 
 
 def marked(text: Iterable[str | Mention]) -> str:

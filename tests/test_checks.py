@@ -99,6 +99,7 @@ def test_what_is_wrong_is_named_with_its_value(check: Callable[[str, Any], objec
         (as_array, [[1], [2, 3]], "is no array .*: give numbers in rows of equal length."),
         (as_array, np.ma.masked_array([1.0], [True]), r"masked array.*give depth\.filled"),
         (as_floats, [True], "holds bool, not numbers"),
+        (as_floats, ps.bump((8, 8)), r"is a Scene, no array: give its \.depth\."),
         (as_image, [1.0], r"has shape \(1,\): give \(height, width\)"),
         (as_depth, [[0.0]], r"^depth\[0, 0\]=0\.0 is not a distance in front of the camera"),
         (as_depth, np.ones((0, 2)), r"has shape \(0, 2\)"),

@@ -42,7 +42,8 @@ class Alike:
 
     def add(self, name: str, path: Path, text: str) -> None:
         """Take what is said of a photo, in a line."""
-        key = text.replace(str(path), "\0").replace(name, "\0")
+        # Of a line of a list, the path on it.
+        key = text.replace(str(path), "\0").replace(name, "\0").replace(name.rpartition(": ")[2], "\0")
         group = self._groups.get(key)
         if group is None:
             if len(self._groups) == _SHOWN or self._named == _SHOWN:
@@ -62,7 +63,7 @@ class Alike:
     def lines(self, of: str = "") -> Iterator[str]:
         """All of it, for standard error; `of` comes before the reason.
 
-        The reason is on the line of the first photos. Those that follow refer to it.
+        The reason is on the line of the first photos, and the others are on the next.
         """
         for count, names, text in self.groups():
             if count == 1:
@@ -70,8 +71,8 @@ class Alike:
                 continue
             others = " and others" if count > len(names[:_BEFORE]) else ""
             yield f"persfs-cl: {count} photos, {', '.join(names[:_BEFORE])}{others}: {of}{text}"
-            for name in names[_BEFORE:]:
-                yield f"persfs-cl: {name}: the same as {names[0]}."
+            if names[_BEFORE:]:
+                yield f"persfs-cl: the same of {', '.join(names[_BEFORE:])}."
 
     @property
     def more(self) -> int:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 import persfs_cl
-from persfs_cl.cli.config import ConfiguredCommand
+from persfs_cl.cli.config import ConfiguredCommand, bare_flags
 from persfs_cl.cli.interrupts import answered, raising
 from persfs_cl.cli.signals import leave_at_once
 from persfs_cl.cli.spelling import WrongOption, in_words, meant_by, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import DeviceError, PersfsError
-from persfs_cl.wording import Spelling
+from persfs_cl.wording import Spelling, brief
 
 _NO_DEVICE = 3
 
@@ -164,6 +167,19 @@ class _Commands(TyperGroup):
                 self.commands[name] = _command(name)
         return super().get_command(ctx, cmd_name)
 
+    def get_params(self, ctx: Any) -> list[Any]:
+        return bare_flags(super().get_params(ctx))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name = args[0]
+        if name not in _EPILOGS and not ctx.resilient_parsing:
+            place = Path(name)
+            if place.is_dir():
+                ctx.fail(f"{name} is no command. For a folder: persfs-cl batch {shlex.quote(name)} -o results")
+            if place.is_file() or place.suffix:
+                ctx.fail(f"{name} is no command. For a photo: persfs-cl reconstruct {shlex.quote(name)} -o result")
+        return super().resolve_command(ctx, args)
+
     def invoke(self, ctx: Any) -> Any:
         try:
             with raising(), self._warnings(ctx):
@@ -174,8 +190,11 @@ class _Commands(TyperGroup):
         except typer.BadParameter as error:
             error.message = _with_value(error)
             if error.param is not None:
-                # Click tells the word in quotes, before those that it takes.
-                error.message += meant_by(error.param.name, error.message.partition("'")[2].partition("'")[0])
+                # Told in quotes, before those that it takes.
+                word = error.message.partition("'")[2].partition("'")[0]
+                error.message += meant_by(error.param.name, word)
+                if re.fullmatch(r"[-+]?\d+,\d+", word):
+                    error.message += f" Write {word.replace(',', '.')}, with a point."
             raise
         except PersfsError as error:
             typer.echo(f"persfs-cl: {self._worded(ctx, error)}", err=True)
@@ -210,12 +229,18 @@ class _Commands(TyperGroup):
         return spelling(self.commands[ctx.invoked_subcommand].params)
 
 
+_NO_NUMBER = {"Input should be a valid number": "number", "Input should be a valid integer": "whole number"}
+"""How pydantic begins, and what the text is not."""
+
+
 def _with_value(error: typer.BadParameter) -> str:
     """The message of a wrong option, with its value: pydantic's words, which some versions of typer have, lack it."""
     message = error.message.removeprefix("Value error, ")
     told: list[dict[str, Any]] = getattr(error.__cause__, "errors", list)()
     if not message.startswith("Input should") or not told:
         return message
+    if isinstance(text := told[0]["input"], str) and message.startswith(tuple(_NO_NUMBER)):
+        return f"{brief(text)} is no {next(kind for start, kind in _NO_NUMBER.items() if message.startswith(start))}."
     return f"{told[0]['input']} was given, and it {message.removeprefix('Input ')}."
 
 

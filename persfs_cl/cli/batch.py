@@ -58,7 +58,7 @@ from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
 from persfs_cl.pipeline.remote_store import store_for
 from persfs_cl.pipeline.run import Again, Batch, BatchResult
-from persfs_cl.pipeline.shards import Shard, as_shard
+from persfs_cl.pipeline.shards import Shard
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.shading.model import Light
@@ -66,7 +66,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES
 from persfs_cl.told import hearing
-from persfs_cl.wording import Spelling, at_place
+from persfs_cl.wording import Spelling
 
 
 def _scheduler(text: str) -> str | Path:
@@ -280,8 +280,13 @@ def batch(
     tally = Tally(spell, saving)
     if not listing.inputs:
         # Such as a path with a slip in it: nothing is made for that.
+        slips = Alike(every_name=True)
         for place, why in listing.problems:
-            typer.echo(f"persfs-cl: {at_place(place, in_a_line(why, spell))}", err=True)
+            slips.add(place, Path(place), in_a_line(why, spell))
+        for line in slips.lines():
+            typer.echo(line, err=True)
+        if slips.more:
+            typer.echo(f"and {slips.more} more.", err=True)
         raise typer.Exit(INPUT_FAILED)
     try:
         workers = workforce(plan, store, keywords["device"], room, scheduler)
@@ -364,10 +369,12 @@ def _share(text: str | None) -> Shard | None:
     numbers = re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)
     if numbers is None:
         raise typer.BadParameter(f"{text!r} is no share: give 2/8 for the second of eight.", param_hint="'--shard'")
-    try:
-        return as_shard((int(numbers[1]), int(numbers[2])))
-    except InputError as error:
-        raise WrongOption(error, "'--shard'") from error
+    number, count = int(numbers[1]), int(numbers[2])
+    if not 1 <= number <= count:
+        raise typer.BadParameter(
+            f"there is no share {text}: the first number is from 1 to the second, as in 2/8.", param_hint="'--shard'"
+        )
+    return number, count
 
 
 def _bytes(text: str | None) -> int | None:

@@ -26,6 +26,10 @@ Kind = Literal["auto", "depth", "image"]
 Alignment = Literal["none", "scale", "range"]
 
 
+_GUESSES = {"constant": "constant (a flat depth, for comparison)", "1/sqrt(I)": "1/sqrt(I) (for comparison)"}
+"""How rows of guesses are labelled."""
+
+
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="The estimate: a depth map or an image.")],
     second: Annotated[
@@ -204,10 +208,14 @@ def _hint_at_scale(depth: Path) -> None:
 
 
 def _table(rows: dict[str, PointErrors]) -> str:
-    lines = [f"{'':10} {'mean error':>11} {'rank corr.':>11} {'points':>7} {'scale':>11}"]
+    shown = {**dict(zip(rows, rows, strict=True)), **_GUESSES}
+    width = max(map(len, (shown[name] for name in rows)))
+    lines = [f"{'':{width}} {'mean error':>11} {'rank corr.':>11} {'points':>7} {'scale':>11}"]
     for name, row in rows.items():
         correlation = "-" if row.rank_correlation is None else f"{row.rank_correlation:.4f}"
-        lines.append(f"{name:10} {row.mean_relative:11.4f} {correlation:>11} {row.count:7} {row.scale:11.6g}")
+        lines.append(
+            f"{shown[name]:{width}} {row.mean_relative:11.4f} {correlation:>11} {row.count:7} {row.scale:11.6g}"
+        )
     return "\n".join(lines)
 
 

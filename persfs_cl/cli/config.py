@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import copy
 import functools
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,8 +22,9 @@ from typer.core import TyperCommand
 
 from persfs_cl.cli.choosers import signature, with_signature
 from persfs_cl.cli.settings import Setting, WrongValue, as_toml, dumped, settings_of
-from persfs_cl.cli.spelling import WrongOption, spelling
+from persfs_cl.cli.spelling import WrongOption, meant_by, spelling
 from persfs_cl.errors import PersfsError
+from persfs_cl.wording import nearest
 
 _CONFIG, _DUMP = "config", "dump_config"
 _APART = (_CONFIG, _DUMP, "output")
@@ -81,8 +83,24 @@ _WIDEST = 16
 """Letters that the choices of an option may take in the help's column of values."""
 
 
+_ON, _OFF = ("yes", "true", "on"), ("no", "false", "off")
+"""What people type after a flag."""
+
+
+def bare_flags(parameters: list[Any]) -> list[Any]:
+    """The parameters, with nothing in the help's column of values for those that take none."""
+    for each in parameters:
+        if getattr(each, "is_flag", False):
+            each.metavar = ""
+    return parameters
+
+
 class ConfiguredCommand(TyperCommand):
     """A command of the app that reads files of options, if it is :func:`configurable`."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Those of the class above, with nothing in the place of a value where they take none."""
+        return bare_flags(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the files before the command line is looked at in earnest.
@@ -94,6 +112,8 @@ class ConfiguredCommand(TyperCommand):
         typer.Exit
             After --dump-config.
         """
+        if not ctx.resilient_parsing and (slip := self._slip(args)):
+            ctx.fail(slip)
         if not any(parameter.name == _CONFIG for parameter in self.params):
             return self._parsed(ctx, args)
         given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
@@ -121,6 +141,32 @@ class ConfiguredCommand(TyperCommand):
         if ctx.args and not ctx.resilient_parsing:
             ctx.fail(self._why_too_many(ctx.args))
         return rest
+
+    def _slip(self, args: list[str]) -> str | None:
+        """What helps where a flag has a value, or a choice is given as an option; None where neither is seen."""
+        # What follows is no option, whatever it looks like.
+        args = args[: args.index("--")] if "--" in args else args
+        names = {name: each for each in self.params for name in (*each.opts, *each.secondary_opts)}
+        for name, word in pairwise(args):
+            if not getattr(names.get(name), "is_flag", False) or word.lower() not in _ON + _OFF or Path(word).exists():
+                continue
+            remedy = f"leave {word} out"
+            if word.lower() in _OFF:
+                contrary = {*names[name].opts, *names[name].secondary_opts} - {name}
+                remedy = f"give {contrary.pop()}" if names[name].secondary_opts else "leave both out"
+            return f"{name} {word}: {name} takes no value, {remedy}."
+        for name in (each.partition("=")[0] for each in args if each.startswith("--")):
+            if name not in names and (meant := self._choice(name.removeprefix("--"))):
+                return f"No such option: {name}. {meant}"
+        return None
+
+    def _choice(self, word: str) -> str | None:
+        """What to give where the name of an option is a value of another one."""
+        settings = settings_of(self.callback, self.params, ()).values()
+        owners = [f"--{one.name}" for one in settings if word in one.choices]
+        if len(owners) == 1:
+            return f"Give {owners[0]} {word}."
+        return next((meant for one in settings if (meant := meant_by(one.parameter, word).strip())), None)
 
     def _why_too_many(self, extra: list[str]) -> str:
         taken = " ".join(each.metavar or "" for each in self.params if each.param_type_name == "argument")
@@ -186,8 +232,8 @@ class ConfiguredCommand(TyperCommand):
         name = written.replace("_", "-")
         if any(f"--{name}" in each.opts or each.name == written for each in self.params):
             return "that is said on the command line alone. Take it out."
-        near = get_close_matches(name.removeprefix("no-"), settings, n=1)
-        meant = f"Is it {near[0]}? " if near else ""
+        near = nearest(name.removeprefix("no-"), settings)
+        meant = f"Is it {near}? " if near else ""
         return f"there is no such option. {meant}--dump-config lists all that there are."
 
     def _say_where(self, ctx: Any, error: typer.BadParameter) -> None:
@@ -245,7 +291,17 @@ def _parsed(file: Path) -> dict[str, Any]:
         line = data.count(b"\n", 0, error.start) + 1
         raise _refused(f"{file} is no text in UTF-8, in line {line}. Name a file of TOML.") from error
     except TOMLKitError as error:
-        raise _refused(f"{file} is no TOML: {error}. A line of it is such as focal-length = 590.") from error
+        remedy = _quoted(data.decode("utf-8-sig"), getattr(error, "line", 0))
+        raise _refused(f"{file} is no TOML: {error}. {remedy}") from error
+
+
+def _quoted(text: str, line: int) -> str:
+    """What helps where a line, counted from 1, is no TOML: mostly a text lacks its quotes."""
+    written = "".join(text.splitlines()[max(line - 1, 0) : line])
+    found = re.fullmatch(r"\s*([\w-]+)\s*=\s*([^\W\d][^\"'#]*|[~./][^\"'#]*)", written)
+    if found is None:
+        return "A line of it is such as focal-length = 590."
+    return f"Text stands in quotes: {found[1]} = {as_toml(found[2].strip())}"
 
 
 def _shown(value: Any) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Optional, cast, get_args
 
 import typer
 
+from persfs_cl.camera import COMMON_VIEWS
 from persfs_cl.cli.choosers import with_signature
 from persfs_cl.cli.kinds import kind_chooser
 from persfs_cl.cli.numbers import finite_numbers
@@ -28,6 +29,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.complete import complete
 from persfs_cl.solver.options import Option, Options, described
+from persfs_cl.surface.formats.records import CAMERA
 
 _CAMERA, _LIGHT, _MATERIAL, _REGION = "Camera", "Light", "Material", "Region and known values"
 _EITHER = "'--focal-length' / '--fov'"
@@ -337,8 +339,8 @@ def _distortion(text: str | None) -> Distortion | None:
     return as_distortion(finite_numbers("--distortion", text, meaning, (4, 5, 8, 12, 14)))
 
 
-def require_focal_length(choice: CameraChoice) -> None:
-    """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is no photo.
+def require_focal_length(choice: CameraChoice, depth: Path) -> None:
+    """Refuse a command line that leaves the focal length to a photo's EXIF data, where there is only a depth map.
 
     Raises
     ------
@@ -346,7 +348,11 @@ def require_focal_length(choice: CameraChoice) -> None:
         When neither --focal-length nor --fov is given.
     """
     if choice.focal_length is None and choice.fov is None:
-        raise typer.BadParameter("give one of the two.", param_hint=_EITHER)
+        beside = depth.with_name(CAMERA)
+        other = f", or --camera {beside}" if beside.is_file() else ""
+        raise typer.BadParameter(
+            f"give one of the two, in pixels or in degrees{other}. {COMMON_VIEWS}", param_hint=_EITHER
+        )
 
 
 chosen_light = kind_chooser("light", LIGHTS, _LIGHT)

@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from persfs_cl.cli.brightness import chosen_brightness
@@ -51,6 +52,7 @@ from persfs_cl.cli.output import (
 from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.spelling import in_words, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
+from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.account import superseded
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.darkness import MANY
@@ -62,6 +64,7 @@ from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.complete import default_tolerance
 from persfs_cl.solver.options import Options
+from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.surface.jobs import threads_for
 from persfs_cl.surface.outcome import Status
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
@@ -69,6 +72,10 @@ from persfs_cl.surface.writing import load_libraries
 from persfs_cl.told import overhearing
 
 _REGION = "Region and known values"
+
+_MOST, _UNLIKE, _DETAIL = 0.95, 4.0, 0.05
+"""Share of pixels whose difference from a guide is told; and the noises, and the share of the depth, beyond which it is
+no detail that the guide lacks."""
 
 
 @configurable
@@ -244,6 +251,25 @@ def _is_by_gain_1(light: Light, ctx: typer.Context) -> bool:
     return light.off_axis and source is not None and source.name == "DEFAULT"
 
 
+def _of_guide(fit: GuideFit, *, bounded: bool) -> str:
+    """What became of the guide: a bound of the surface in the sweeps, a prior of it where energy is least."""
+    gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
+    text = (
+        f"Of the guide: {fit.used} of {fit.cells} values used, {gain}noise {100 * fit.noise:.2g} % of the depth; "
+        "the surface "
+    )
+    if bounded:
+        return f"{text}may be {100 * fit.tolerance:.2g} % nearer than it."
+    apart = np.abs(fit.departure[np.isfinite(fit.departure)])
+    if not apart.size:
+        return f"{text}has no pixel in common with it."
+    most = float(np.quantile(apart, _MOST))
+    text += f"differs from it by up to {100 * math.expm1(most):.2g} % at {100 * _MOST:.0f} % of the pixels."
+    if most > max(_UNLIKE * fit.tolerance, _DETAIL):
+        text += " That is far more than the noise: check the light's direction, the camera, and --guide-unit."
+    return text
+
+
 def _summary(result: PhotoSolution, files: Collection[str]) -> str:
     """A few lines for a person: how the run ended, and what to be wary of."""
     solution = result.solution
@@ -280,11 +306,7 @@ def _summary(result: PhotoSolution, files: Collection[str]) -> str:
             "and only --max-slope bounds their slope: mask them out if they are shadow or paint."
         )
     if (fit := solution.guide) is not None:
-        gain = "" if fit.gain is None else f"the gain is {fit.gain:.4g}, "
-        text += (
-            f"\nOf the guide: {fit.used} of {fit.cells} values used, {gain}noise {100 * fit.noise:.2g} % of the depth; "
-            f"the surface may be {100 * fit.tolerance:.2g} % nearer than it."
-        )
+        text += f"\n{_of_guide(fit, bounded=not SCHEMES[solution.parameters['scheme']].by_energy)}"
     elif said["guide"] is not None and solution.status is Status.STOPPED:
         text += "\nThe guide was not used yet when the run was ended."
     if at_bound := int(solution.at_bound.sum()):

@@ -76,7 +76,7 @@ def render(
 
     Pixels without surface, and those turned away from the light, are black.
     """
-    require_focal_length(camera)
+    require_focal_length(camera, depth)
     check_file(output, (".png", ".tif", ".tiff"), overwrite=overwrite)
     values = read_depth(depth)
     shape = (values.shape[0], values.shape[1])

@@ -39,7 +39,8 @@ class MayBePath:
     def at(self, folder: Path, text: str) -> str:
         """The text, with a path that begins at a folder."""
         found = self.meaning(text)
-        return str(folder / found) if isinstance(found, Path) else text
+        # A path that begins at the root stays as it is written: Python would take a slash off its end.
+        return str(folder / found) if isinstance(found, Path) and not found.is_absolute() else text
 
 
 class WrongValue(Exception):  # noqa: N818  # the message is the remedy alone

@@ -31,9 +31,15 @@ _MEANT = {
     "light": {
         **dict.fromkeys(("sun", "sunlight", "daylight", "directional", "distant"), _SUN),
         **dict.fromkeys(("lamp", "torch", "point", "led", "endoscope"), _LAMP),
-    }
+    },
+    "guide_unit": {
+        **dict.fromkeys(("mm", "millimetres", "millimeters"), "Give 0.001 for millimetres where depths are in metres."),
+        **dict.fromkeys(("cm", "centimetres", "centimeters"), "Give 0.01 for centimetres where depths are in metres."),
+        **dict.fromkeys(("m", "metres", "meters"), "Give 1 where depths are in metres too."),
+    },
+    "p0": dict.fromkeys(("left", "right"), "Give 1 for a sun on the left, 45 degrees from the view, -1 on the right."),
 }
-"""What helps those who name a choice by another word, by the parameter and the word."""
+"""What helps those who give another word than one that is taken, by the parameter and the word."""
 
 
 def meant_by(parameter: str | None, word: str) -> str:

@@ -88,7 +88,13 @@ def exif_focal_length(path: FilePath, shape: tuple[int, int] | None = None) -> t
             missing += " and FocalPlaneXResolution (the size of the sensor)"
         else:
             missing += " and a usable FocalPlaneResolutionUnit"
-        raise CameraError(f"The EXIF data of {path} lack {missing}: the focal length in pixels is unknown. {_TELL}")
+        tell = _TELL
+        if length:
+            tell = (
+                f"{_TELL.removesuffix('.')}: {length:g} mm, over the width of the sensor in mm, times the width of the "
+                "photo in pixels."
+            )
+        raise CameraError(f"The EXIF data of {path} lack {missing}: the focal length in pixels is unknown. {tell}")
     if not (taken and by_sensor):
         raise CameraError(
             f"The EXIF data of {path} lack FocalLengthIn35mmFilm and a usable ExifImageWidth and ExifImageHeight: "

@@ -275,11 +275,27 @@ def opened(path: FilePath) -> Iterator[BinaryIO]:
         with _open(path, place) as file:
             yield file
     except FileNotFoundError as error:
-        raise InputError(f"{path} does not exist: check the spelling and the folder.") from error
+        raise InputError(_missing(str(path))) from error
     except OSError as error:
         raise InputError(f"{path} cannot be read: {_explained(error, 'Check the path.')}") from error
     except MemoryError as error:
         raise InputError(f"{path} is larger than the memory: give a smaller file.") from error
+
+
+def _missing(path: str) -> str:
+    """The message about a file that is not there."""
+    if address := re.match(r"([A-Za-z][A-Za-z0-9+.-]+):/+", path):
+        # A path has lost one of the slashes.
+        return (
+            f"{address[1]}://{path[address.end() :]} is an address, not a file: download it first, and give the file."
+        )
+    return f"{path} does not exist: check the spelling and the folder."
+
+
+def folder_error(path: Path) -> InputError:
+    """The error about a folder in place of a file; in one of results the depth is meant."""
+    held = next((path / name for name in ("depth.npy", "depth.tiff") if (path / name).is_file()), None)
+    return InputError(f"{path} is a folder: {'name a file in it' if held is None else f'give {held}'}.")
 
 
 def json_text(value: Any, *, indent: int | None = 2) -> str:
@@ -389,7 +405,7 @@ def _open(path: FilePath, place: Path) -> BinaryIO:
         raise InputError(f"{path!r} is no path ({error}): give another.") from error
     mode = status.st_mode
     if stat.S_ISDIR(mode):
-        raise InputError(f"{path} is a folder: name a file in it.")
+        raise folder_error(place)
     if not stat.S_ISREG(mode):
         raise InputError(f"{path} is {_kind(mode)}, not a regular file: save its content as a file, and give that.")
     if not status.st_size:

@@ -14,7 +14,7 @@ from persfs_cl.checks import to_float64, warn
 from persfs_cl.errors import InputError
 from persfs_cl.io.decode import is_of_sensor, read_header, read_raster, require_brightness, require_type
 from persfs_cl.io.exr import read_exr
-from persfs_cl.io.files import FilePath, as_path
+from persfs_cl.io.files import FilePath, as_path, folder_error
 from persfs_cl.io.npy import read_npy, read_npy_header
 from persfs_cl.io.photos import Channel, Encoding, read_light_photo
 from persfs_cl.io.raster import ON_A_SIDE, TURNED, upright
@@ -335,6 +335,8 @@ def check_map(
 
 def _require_depth_name(path: Path) -> None:
     if path.suffix.lower() not in (".npy", *_TIFF_SUFFIXES):
+        if path.is_dir():
+            raise folder_error(path)
         raise InputError(f"{path} is not a depth map by its name: give a .npy, .tif or .tiff file.")
 
 

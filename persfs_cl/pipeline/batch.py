@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
@@ -31,6 +32,7 @@ from persfs_cl.solver.complete import complete
 from persfs_cl.solver.options import Options, described
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.solid import Block
+from persfs_cl.wording import nearest
 
 
 def batch(
@@ -154,7 +156,9 @@ def batch(
     own = {one.name for one in fields(Brightness)}
     brightness = Brightness(**{name: keywords.pop(name) for name in list(keywords) if name in own})
     if keywords:
-        raise TypeError(f"There is no keyword argument {next(iter(keywords))!r}.")
+        unknown = next(iter(keywords))
+        near = nearest(unknown, [*inspect.signature(batch).parameters, *described(), *own])
+        raise TypeError(f"There is no keyword argument {unknown!r}{'.' if near is None else f': did you mean {near}?'}")
     check_choice("again", again, get_args(Again))
     for name in ("callback", "throw"):
         if options.get(name):

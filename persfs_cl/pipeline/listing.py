@@ -175,6 +175,10 @@ def guide_for(entry: Input, folder: Path) -> Path:
     )
 
 
+_STREAM = "standard input"
+"""What a list is called that comes from there."""
+
+
 class _Found(NamedTuple):
     """An input before it has its final name; `place` is its absolute path, with frame, by which it is told apart."""
 
@@ -229,7 +233,9 @@ class _Lister:
             if missing and tree.has_pattern(text):
                 self._pattern(path, shown)
             elif missing:
-                self._refuse(shown, f"{path} does not exist: check the spelling and the folder.")
+                of_file = within and not within.startswith(_STREAM)
+                start = " Paths in a list start at its folder." if of_file else ""
+                self._refuse(shown, f"{path} does not exist: check the spelling and the folder.{start}")
             else:
                 self._refuse(shown, f"{path!r} cannot be read ({error}): check the path and its permissions.")
             return
@@ -244,7 +250,7 @@ class _Lister:
             self._file(_Found(self._place(path), path, _name(text)), shown, suffix)
 
     def _list(self, path: str, base: str) -> None:
-        within = "standard input" if path == STANDARD_INPUT else path
+        within = _STREAM if path == STANDARD_INPUT else path
         try:
             data = self.read_stdin() if path == STANDARD_INPUT else read_bytes(path)
         except InputError as error:

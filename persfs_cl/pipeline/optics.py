@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from persfs_cl.camera import Camera, camera_from
+from persfs_cl.camera import COMMON_VIEWS, Camera, camera_from
 from persfs_cl.checks import warn
 from persfs_cl.errors import CameraError
 from persfs_cl.io.cameras import read_camera
@@ -118,7 +118,9 @@ class CameraChoice:
             try:
                 length, tags = exif_focal_length(path, shape)
             except CameraError as error:
-                raise error.adding(f"Or give {keyword('fov')}, the horizontal field of view in degrees.") from error
+                raise error.adding(
+                    f"Or give {keyword('fov')}, the horizontal field of view in degrees. {COMMON_VIEWS}"
+                ) from error
             return Camera(length, self.principal_point, self.distortion), f"EXIF {tags}"
         camera = Camera(self.focal_length, self.principal_point, self.distortion)
         view = horizontal_view(camera, shape)

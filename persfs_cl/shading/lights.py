@@ -17,6 +17,8 @@ LIGHTS: dict[str, type[Light]] = {
 def require_light(light: object) -> Light:
     """The light, or InputError when it is none."""
     if not isinstance(light, Light):
+        if isinstance(light, str) and (kind := LIGHTS.get(light)):
+            raise InputError.about("light", light, f"is only the name of one: give persfs_cl.{kind.__name__}().")
         names = " or ".join(f"a {kind.__name__}" for kind in LIGHTS.values())
         raise InputError.about("light", light, f"is no known light: give {names}.")
     return light

@@ -9,9 +9,11 @@ from persfs_cl.errors import InputError
 from persfs_cl.solver.options import Options, described
 from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
 from persfs_cl.solver.schemes.scheme import Scheme
-from persfs_cl.wording import keyword
+from persfs_cl.wording import keyword, nearest
 
 _DESCRIBED = described()
+_MAPS = ("mask", "walls", "known_depth", "albedo", "depth_range", "guide")
+"""Keywords that each image has of its own."""
 _LEAST_GAIN = 1e-3
 """The tolerance of the gain when none is given."""
 _MOST_RESTING = 0.1 * (1.0 + 1e-12)
@@ -30,7 +32,9 @@ def complete(given: Options) -> Options:
     """
     unknown = next((name for name in given if name not in _DESCRIBED), None)
     if unknown is not None:
-        raise TypeError(f"There is no keyword argument {unknown!r}: give some of {', '.join(_DESCRIBED)}.")
+        near = nearest(unknown, (*_MAPS, *_DESCRIBED))
+        remedy = f"give some of {', '.join((*_MAPS, *_DESCRIBED))}." if near is None else f"did you mean {near}?"
+        raise TypeError(f"There is no keyword argument {unknown!r}: {remedy}")
     options = cast(
         "Options",
         {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},

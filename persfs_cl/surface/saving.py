@@ -10,7 +10,7 @@ from persfs_cl.errors import InputError
 from persfs_cl.surface.formats import FORMATS, GROUPS
 from persfs_cl.surface.simplify import as_mesh_faces
 from persfs_cl.surface.solid import Block
-from persfs_cl.wording import keyword
+from persfs_cl.wording import keyword, nearest
 
 DEFAULT_MESH_FACES = 500_000
 """A mesh of more is simplified unless told otherwise: viewers turn so many with ease."""
@@ -81,9 +81,15 @@ class Saving:
         for item in _items(items):
             name = item.strip().lower()
             if name not in GROUPS and name not in FORMATS:
+                near = nearest(name, (*GROUPS, *FORMATS))
+                groups, single = ", ".join(GROUPS), ", ".join(FORMATS)
+                remedy = (
+                    f"give groups of files, {groups}, or single ones, {single}."
+                    if near is None
+                    else f"is it {near}? Groups are {groups}."
+                )
                 raise InputError(
-                    f"{keyword('save')} has the item {item.strip()!r}, which is none: give groups of files, "
-                    f"{', '.join(GROUPS)}, or single ones, {', '.join(FORMATS)}.",
+                    f"{keyword('save')} has the item {item.strip()!r}, which is none: {remedy}",
                     argument="save",
                     value=items,
                 )

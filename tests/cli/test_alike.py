@@ -33,12 +33,20 @@ def test_a_reason_that_many_share_is_told_once_and_each_is_named() -> None:
     why = "in/000.png has no mask: masks/000.png.png does not exist."
     assert list(alike.lines()) == [
         f"persfs-cl: 5 photos, 000.png, 001.png, 002.png and others: {why}",
-        "persfs-cl: 003.png: the same as 000.png.",
-        "persfs-cl: 004.png: the same as 000.png.",
+        "persfs-cl: the same of 003.png, 004.png.",
         "persfs-cl: text.png: in/text.png is no image.",
     ]
     assert alike.more == 0
     assert next(said(3, every_name=True).lines()).startswith("persfs-cl: 3 photos, 000.png, 001.png, 002.png: in/000")
+
+
+def test_paths_of_a_list_that_are_not_there_are_alike() -> None:
+    alike = Alike(every_name=True)
+    for number, name in enumerate(("brick.png", "gravel.png"), 1):
+        place = f"x.txt, line {number}: {name}"
+        alike.add(place, Path(place), f"sub/{name} does not exist.")
+    listed = "x.txt, line 1: brick.png, x.txt, line 2: gravel.png"
+    assert list(alike.lines()) == [f"persfs-cl: 2 photos, {listed}: sub/brick.png does not exist."]
 
 
 def test_other_reasons_are_others() -> None:
@@ -51,7 +59,8 @@ def test_other_reasons_are_others() -> None:
 def test_of_very_many_a_hundred_are_named_and_all_are_counted() -> None:
     alike = said(250, every_name=True)
     lines = list(alike.lines())
-    assert len(lines) == 1 + (99 - 3) + 1
+    assert len(lines) == 3
+    assert (lines[1].count(".png"), lines[1][-8:]) == (99 - 3, "098.png.")
     assert lines[0].startswith("persfs-cl: 250 photos, ")
     assert alike.more == 250 - 99
     few = said(250, every_name=False)

@@ -181,7 +181,7 @@ def test_options_may_stand_in_a_file(photos: Path, tmp_path: Path) -> None:
     ("options", "words"),
     [
         (("--overwrite", "--retry-failed"), ("--overwrite", "--retry-failed", "not several")),
-        (("--shard", "3/2"), ("--shard", "3")),
+        (("--shard", "3/2"), ("'--shard': there is no share 3/2: the first number is from 1",)),
         (("--shard", "half"), ("--shard", "half", "2/8")),
         (("--memory", "much"), ("--memory", "much", "8G")),
         (("--memory", "0"), ("--memory", "0")),

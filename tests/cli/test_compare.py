@@ -129,6 +129,7 @@ def test_compare_with_points(form: str, tmp_path: Path) -> None:
     assert rows["1/sqrt(I)"] == pytest.approx({**expected, "mean_relative": third / 3, "count": 3})
 
     table = run(*files, *options).stdout.splitlines()
+    assert table[2].startswith("constant (a flat depth, for comparison) ")
     assert table[1].split() == ["depth", f"{(third + third) / 4:.4f}", "1.0000", "4", "2"]
     unscaled = json.loads(run(*files, "--json").stdout)["depth"]
     assert unscaled == pytest.approx({**expected, "mean_relative": np.mean([0.5, 0.5, third, 2 * third]), "scale": 1.0})

@@ -12,7 +12,7 @@ import pytest
 import tomlkit
 import typer
 from command import FOCAL, HEIGHT, SCENE, WIDTH, names, png, run, strict
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -139,7 +139,8 @@ REFUSED = {
     "endless": ("saturation = inf", "saturation = inf: inf is not a finite number above 0."),
     "too large for a float": (f"fov = 1{'0' * 400}", "give a smaller number."),
     "impossible light": ("ambient = -1", "ambient = -1: -1 is no brightness"),
-    "no TOML": ("fov = 30\nscheme = upwind", "at line 2 col"),
+    "no TOML": ("fov = 30\nscheme = upwind", 'at line 2 col 9. Text stands in quotes: scheme = "upwind"'),
+    "no TOML at all": ("fov 30", "A line of it is such as focal-length = 590."),
     "the same twice": ("fov = 30\n\nfov = 40", 'Key "fov" already exists. at line 3'),
 }
 
@@ -277,6 +278,7 @@ OPTIONS: dict[str, st.SearchStrategy[str]] = {
 
 
 @settings(max_examples=15)
+@example([("--mask", "/a/")])
 @given(st.lists(st.sampled_from(sorted(OPTIONS)).flatmap(lambda name: OPTIONS[name].map(lambda text: (name, text)))))
 def test_what_is_printed_means_the_same_when_it_is_read(
     tmp_path_factory: pytest.TempPathFactory, options: list[tuple[str, str]]

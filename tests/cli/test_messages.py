@@ -208,6 +208,18 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     ),
     "unknown scheme": (("--scheme=best",), 2, ("best", "auto", "lax-friedrichs", "upwind")),
     "unknown option": (("--focus=3",), 2, ("--focus",)),
+    "a light as an option": (("--flash",), 2, ("No such option: --flash. Give --light flash.",)),
+    "a scheme as an option": (("--upwind",), 2, ("No such option: --upwind. Give --scheme upwind.",)),
+    "the sun as an option": (("--sun",), 2, ("No such option: --sun. Give --light parallel, and its direction",)),
+    "a word of many options": (("--auto",), 2, ("No such option: --auto (",)),
+    "a name that looks like an option": (("--", "--flash"), 2, ("--flash is too much",)),
+    "a flag with no": (("--falloff", "no"), 2, ("--falloff no: --falloff takes no value, give --no-falloff.",)),
+    "a flag with false": (("--overwrite", "False"), 2, ("--overwrite takes no value, leave both out.",)),
+    "a flag with yes": (("--no-falloff", "yes"), 2, ("--no-falloff takes no value, leave yes out.",)),
+    "a word for a number": (("--p0=left",), 2, ("'--p0': 'left' is no", "Give 1 for a sun on the left")),
+    "a unit by its name": (("--guide-unit=mm",), 2, ("'--guide-unit': 'mm' is no", "0.001 for millimetres")),
+    "a decimal comma": (("--tone-exponent=2,2",), 2, ("'2,2' is no", "Write 2.2, with a point.")),
+    "a word for a whole number": (("--max-iterations=many",), 2, ("'--max-iterations': 'many' is no",)),
 }
 
 
@@ -357,6 +369,31 @@ def test_what_exif_cannot_mean_names_the_tag_and_the_options_that_help(tmp_path:
     assert outcome.status == 1
     assert "FocalLengthIn35mmFilm = 65535" in outcome.stderr
     assert "Give --focal-length, in pixels. Or give --fov" in outcome.stderr
+
+
+def test_without_a_focal_length_it_is_told_how_to_come_to_one(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[37386] = 35.0  # FocalLength
+    Image.new("L", (30, 24), 100).save(tmp_path / "photo.jpg", exif=exif)
+    told = run("reconstruct", tmp_path / "photo.jpg", "-o", tmp_path / "out").stderr
+    assert "Give --focal-length, in pixels: 35 mm, over the width of the sensor in mm, times the width" in told
+    assert "Or give --fov, the horizontal field of view in degrees. Common cameras have 30 to 80." in told
+
+
+def test_render_names_the_camera_that_lies_beside_the_depth(tmp_path: Path) -> None:
+    wanted = "'--focal-length' / '--fov': give one of the two, in pixels or in degrees"
+    arguments = ("render", tmp_path / "depth.npy", "-o", tmp_path / "a.png")
+    assert f"{wanted}. Common cameras" in run(*arguments).stderr
+    (tmp_path / "camera.json").touch()
+    assert f"{wanted}, or --camera {tmp_path / 'camera.json'}. Common cameras" in run(*arguments).stderr
+
+
+def test_a_photo_in_place_of_a_command_is_told_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my photos").mkdir()
+    assert "persfs-cl batch 'my photos' -o results" in run("my photos").stderr
+    assert "moon.png is no command. For a photo: persfs-cl reconstruct moon.png -o result" in run("moon.png").stderr
+    assert "Did you mean 'reconstruct'?" in run("recnstruct").stderr
 
 
 @pytest.mark.filterwarnings("default")

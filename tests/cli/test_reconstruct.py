@@ -16,6 +16,7 @@ from PIL import Image
 
 import persfs_cl as ps
 from persfs_cl import colour
+from persfs_cl.cli.reconstruct import _of_guide
 from persfs_cl.io.export import write_depth
 from persfs_cl.io.maps import read_depth
 from persfs_cl.io.photos import read_photo
@@ -174,6 +175,28 @@ def test_a_guide_tells_the_gain_and_is_told_of(tmp_path: Path) -> None:
     assert f"{report['guide']['used']} of {len(rows)} values used, the gain is" in outcome.stderr
     assert (tmp_path / "out" / "guide.png").stat().st_size > 1000
     assert '"guide":' in (tmp_path / "out" / "index.html").read_text()
+
+
+def test_of_a_guide_that_is_a_prior_it_is_told_how_far_the_surface_differs(tmp_path: Path) -> None:
+    scene = ps.bump((HEIGHT, WIDTH), light=ps.ParallelLight(0.3), focal_length=WIDTH)
+    tifffile.imwrite(tmp_path / "photo.tif", scene.image)
+    np.save(tmp_path / "guide.npy", scene.depth.reshape(HEIGHT // 3, 3, WIDTH // 3, 3).mean(axis=(1, 3)))
+    options = (*FOCAL, "--guide", tmp_path / "guide.npy", "--scheme=regularised", "--save=depth")
+    told = run("reconstruct", tmp_path / "photo.tif", "-o", tmp_path / "out", *options, "--p0=-1").stderr
+    assert "the surface differs from it by up to" in told
+    assert "% at 95 % of the pixels. That is far more than the noise: check the light's direction" in told
+    assert "nearer than it" not in told
+
+
+@pytest.mark.parametrize(("apart", "warned"), [(0.0, False), (0.04, False), (0.06, True)])
+def test_a_surface_far_from_its_guide_is_warned_of(apart: float, warned: bool) -> None:
+    departure = np.full((4, 5), -apart)
+    departure[0] = np.nan
+    fit = ps.GuideFit(9, 9, 1.0, 0.01, 0.0, False, 0.01, 1.0, 0.0, None, departure)
+    told = _of_guide(fit, bounded=False)
+    assert f"by up to {100 * np.expm1(apart):.2g} % at" in told
+    assert ("check the light" in told) == warned
+    assert "may be 1 % nearer than it." in _of_guide(fit, bounded=True)
 
 
 @pytest.mark.usefixtures("quick")

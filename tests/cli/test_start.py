@@ -52,6 +52,7 @@ COMMANDS: Any = typer.main.get_command(app)
 def test_help_fits_80_columns(name: str) -> None:
     shown = CliRunner(env={"COLUMNS": "80", "TERM": "dumb"}).invoke(app, [name, "--help"]).stdout
     assert "…" not in shown
+    assert "<bool>" not in shown.lower(), "flags take no value"
     assert all(len(line) <= 80 for line in shown.splitlines())
     for parameter in COMMANDS.get_command(typer.Context(COMMANDS), name).params:
         if parameter.param_type_name == "option":

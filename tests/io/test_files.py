@@ -151,7 +151,12 @@ def test_read_bytes_says_why_it_cannot(tmp_path: Path) -> None:
     (tmp_path / "empty.png").touch()
     with pytest.raises(InputError, match=r"missing\.png does not exist: check the spelling"):
         read_bytes(tmp_path / "missing.png")
+    with pytest.raises(InputError, match=r"https://example\.org/a\.jpg is an address, not a file: download it"):
+        read_bytes(Path("https://example.org/a.jpg"))
     with pytest.raises(InputError, match="is a folder: name a file in it"):
+        read_bytes(tmp_path)
+    (tmp_path / "depth.npy").touch()
+    with pytest.raises(InputError, match=r"is a folder: give .*/depth\.npy\."):
         read_bytes(tmp_path)
     with pytest.raises(InputError, match=r"empty\.png is empty \(0 bytes\)"):
         read_bytes(tmp_path / "empty.png")

@@ -158,6 +158,10 @@ def test_files_that_are_no_depth_are_refused(tmp_path: Path) -> None:
             read_depth(tmp_path / name)
     with pytest.raises(InputError, match=r"missing\.npy does not exist"):
         read_depth(tmp_path / "missing.npy")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "depth.npy").touch()
+    with pytest.raises(InputError, match=r"results is a folder: give .*results/depth\.npy\."):
+        read_depth(tmp_path / "results")
     with pytest.raises(InputError, match=r"depth\.png is not a depth map by its name: give a \.npy"):
         read_depth(tmp_path / "depth.png")
     with pytest.raises(InputError, match=r"good\.npy has shape \(7, 5\), but the image has \(5, 7\)"):

@@ -115,11 +115,16 @@ def test_lists(here: Path) -> None:
     listing = list_inputs(["l/list.lst"])
     assert [entry.name for entry in listing.inputs] == ["a/b.png", "c d.png", "x.png", "é.png"]
     assert why(listing) == [
-        ("l/list.lst, line 7: no.png", f"{Path('l/no.png')} does not exist: check the spelling and the folder.")
+        (
+            "l/list.lst, line 7: no.png",
+            "l/no.png does not exist: check the spelling and the folder. Paths in a list start at its folder.",
+        )
     ]
     assert listing.roots == (Path("l"),)
     standard = list_inputs(["-"], read_stdin=lambda: b"x.png\n#\ncl*\nl/a\n")
     assert named(standard) == ["b.png", "clip/1.png", "x.png"]
+    missing = why(list_inputs(["-"], read_stdin=lambda: b"no.png"))[0]
+    assert missing[1] == "no.png does not exist: check the spelling and the folder."
     assert named(list_inputs(["-"], read_stdin=lambda: b"# odd\n.png\0y.png\0")) == ["# odd%0a.png", "y.png"]
 
 

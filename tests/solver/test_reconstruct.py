@@ -366,6 +366,17 @@ def test_a_photo_that_is_no_array_says_which_of_its_arrays_to_give(tmp_path: Pat
             ps.reconstruct(given, camera)
 
 
+@pytest.mark.parametrize(
+    ("slip", "told"), [("ligth", "did you mean light"), ("maks", "did you mean mask"), ("focus", "give some of mask, ")]
+)
+def test_a_keyword_that_there_is_not_is_told_with_the_one_that_is_meant(slip: str, told: str) -> None:
+    slips: Any = {slip: None}
+    with pytest.raises(TypeError, match=f"no keyword argument '{slip}': {told}"):
+        ps.reconstruct(IMAGE, ps.Camera(30.0), **slips)
+    with pytest.raises(TypeError, match=f"no keyword argument '{slip}'"):
+        ps.batch("photos", **slips)
+
+
 def with_background(share: float, brightness: float) -> NDArray[np.float64]:
     """A photograph by a flash, 1 at its brightest, dark in a share of its rows."""
     image: NDArray[np.float64] = ps.bump((40, 40), light=ps.FlashLight()).image

@@ -258,5 +258,7 @@ def test_a_new_kind_of_file_is_a_line_in_the_table(
     for path in (alone, tmp_path / "out" / "depth.csv"):
         np.testing.assert_allclose(np.loadtxt(path, delimiter=";"), solution.depth)
     assert bytes_for(10**6, Saving.of("table")) > 10**10
-    with pytest.raises(ps.InputError, match=r"table.*depth\.csv"):
+    with pytest.raises(ps.InputError, match=r"is it table\?"):
         Saving.of("tabel")
+    with pytest.raises(ps.InputError, match=r"table.*depth\.csv"):
+        Saving.of("xyz")

@@ -89,6 +89,7 @@ def test_mask_hides_pixels_and_cuts_derivatives() -> None:
         (np.full((3, 3), np.nan), {}, "no finite value"),
         (np.ones((3, 3)), {"mask": np.ones((2, 2), bool)}, "mask"),
         (np.ones((3, 3)), {"light": 3}, "no known light"),
+        (np.ones((3, 3)), {"light": "flash"}, r"only the name of one: give persfs_cl\.FlashLight\(\)"),
     ],
 )
 def test_bad_input_is_refused(depth: Any, keywords: dict[str, Any], message: str) -> None:

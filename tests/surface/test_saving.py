@@ -49,9 +49,10 @@ def test_all_triangles_are_kept_on_request(none: int | None) -> None:
 @pytest.mark.parametrize(
     ("items", "message"),
     [
+        ("depth,mash", r"item 'mash', which is none: is it mesh\? Groups are depth, solution, .*, solid\.$"),
         (
-            "depth,mash",
-            r"item 'mash', which is none: .*depth, solution, .*report, pictures, normals, .*mesh, solid, .*mesh\.glb",
+            "depth,walls",
+            r"item 'walls', which is none: .*depth, solution, .*report, pictures, normals, .*mesh, solid, .*mesh\.glb",
         ),
         ("mesh.xyz", r"'mesh\.xyz'"),
         ("", "names nothing"),

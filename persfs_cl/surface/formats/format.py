@@ -158,9 +158,10 @@ class Format:
             Naming the extra.
         """
         if missing := [package for package in self.packages if find_spec(package) is None]:
+            absent = "is" if len(missing) == 1 else "are"
             raise InputError(
-                f"{keyword('save', self.file)} needs {' and '.join(missing)}, which is not installed: pip install "
-                f"'persfs-cl[{self.extra}]'.",
+                f"{keyword('save', self.file)} needs {' and '.join(missing)}, which {absent} not installed: pip "
+                f"install 'persfs-cl[{self.extra}]'.",
                 argument="save",
                 value=self.file,
             )
