@@ -52,6 +52,6 @@ def _asked(device: Device) -> int:
     bits = np.zeros(1, np.int32)
     with in_words(device):
         answer = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, bits.nbytes)
-        kernel(device, ["registers"], "float32", None, "registers").launch(device, (1,), None, {"bits": answer})
+        kernel(device, ["registers"], "float32", None, "registers").launch(device, (1,), (1,), {"bits": answer})
         cl.enqueue_copy(device.queue, bits, answer)
     return int(bits[0])

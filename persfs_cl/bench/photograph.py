@@ -46,7 +46,7 @@ def photograph(plan: Plan) -> Iterator[list[Record]]:
             _write(photo, size, noise)
             _command(plan, photo, output, size)
             found = [_command(plan, photo, output, size) for _ in range(plan.repeats)]
-            files = [file.stat().st_size for file in output.iterdir()]
+            files = [file.stat().st_size for file in output.iterdir() if not file.name.startswith(".")]
         details = {
             ELAPSED: f"{len(files)} files, {sum(files) / 2**20:.0f} MiB",
             PROCESSOR: "of all its threads, in user mode and in the system",

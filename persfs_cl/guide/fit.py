@@ -129,6 +129,9 @@ class Fitted:
         Whether the photograph tells the depth.
     told : bool
         Whether somebody has said what the noise is.
+    trusted : Fitted or None
+        The same, as if the guide erred by no more than its noise, where it seems to err otherwise: then either it is
+        distorted, or the surface is wrong in large parts.
     """
 
     cells: Cells
@@ -143,6 +146,7 @@ class Fitted:
     step: float
     held: bool
     told: bool
+    trusted: Fitted | None = None
 
     @classmethod
     def to_surface(
@@ -189,22 +193,30 @@ class Fitted:
         # A surface that the guide itself has placed tells nothing of what it errs, and who gives a tolerance knows.
         told = tolerance is None and not few and (held or scale != "fixed")
         distortion = distortion_of(residuals - most, trusted, noise) if told else 0.0
-        drifts = free and distortion > noise
-        if drifts:
-            shift = drift_of(residuals, cells, noise)
-            distortion = distortion_of(residuals - shift, trusted, noise)
-        farther = 0.0
-        if gain_unknown:
-            farther = float(np.mean(shift)) if drifts else float(shift[0])
-            shift = shift - farther
-        elif not drifts:
-            # The scale of the numbers themselves, which is known to be wrong by so much.
-            change = math.exp(shift[0] if guide.kind == "inverse" else -shift[0])
-            factor, offset = factor * change, offset * change
-        fitted = cells.saying(cells.values - shift)
-        return cls(
-            fitted, farther, most, width, noise, distortion, drifts, factor, offset, step, held, tolerance is not None
-        )
+
+        def by(shift: Array, distortion: float, *, drifts: bool, instead: Fitted | None = None) -> Fitted:
+            farther, line = 0.0, (factor, offset)
+            if gain_unknown:
+                farther = float(np.mean(shift)) if drifts else float(shift[0])
+                shift = shift - farther
+            elif not drifts:
+                # The scale of the numbers themselves, which is known to be wrong by so much.
+                change = math.exp(shift[0] if guide.kind == "inverse" else -shift[0])
+                line = factor * change, offset * change
+            fitted = cells.saying(cells.values - shift)
+            given = tolerance is not None
+            return cls(
+                fitted, farther, most, width, noise, distortion, drifts, *line, step, held, told=given, trusted=instead
+            )
+
+        if distortion <= noise:
+            return by(shift, distortion, drifts=False)
+        # Numbers without a zero are a network's, as a rule.
+        instead = by(shift, 0.0, drifts=False) if held and not guide.affine else None
+        if not free:
+            return by(shift, distortion, drifts=False, instead=instead)
+        shift = drift_of(residuals, cells, noise)
+        return by(shift, distortion_of(residuals - shift, trusted, noise), drifts=True, instead=instead)
 
     @classmethod
     def as_given(cls, guide: Guide, focal_length: float, tolerance: float | None) -> Fitted:

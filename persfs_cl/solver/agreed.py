@@ -76,6 +76,13 @@ class Agreed:
             plain = options["paint"] == "plain" and not problem.fits_albedo
             if plain and options["guide_scale"] == "fixed" and light.determines_depth:
                 _warn_of_contradiction(fitted, light)
+        return cls.by(problem, fitted, log_depth, options)
+
+    @classmethod
+    def by(cls, problem: Problem, fitted: Fitted, log_depth: Array, options: Options) -> Agreed:
+        """From a guide that was fitted to the surface."""
+        light, unknown = problem.model.light, options["light"].unknown
+        if unknown is None:
             return cls(problem, fitted, None, log_depth)
         light = light.for_farther(fitted.farther)
         problem = problem.between(problem.depth_range or DepthRange.none(problem.window.image_shape), light)

@@ -34,6 +34,8 @@ _SMOOTHNESS = 6.0
 """Weight of the total variation of the residual, over the pixels from cell to cell."""
 _MANY = 25
 """Cells. Fewer tell nothing of what lies between them."""
+_PRESSED, _ON_BOUND = 0.37, 0.01
+"""Share of the pixels on a bound beyond which a guide is distorted, and tolerances from a bound to what is on it."""
 _SPACING = 12.0
 """Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
 
@@ -75,16 +77,14 @@ def solve_guided(
             with about(numbers[place]):
                 states[place] = _Guided.of(device, found[place], attempt.problem.guide, options)
             found[place] = replace(found[place], seconds=attempt.seconds + time.perf_counter() - began)
-    # All are under one light.
-    for number in range(max((state.agreed.fitted.rounds for state in states.values()), default=0)):
+    while states:
         if watch and watch.stopped:
             # What was not in the round that was stopped keeps the surface that it has.
             for place in states:
                 found[place].run.statuses[0] = Status.STOPPED
-        if not states or (watch and watch.stopped):
             break
         began = time.perf_counter()
-        problems = [state.bounded(number) for state in states.values()]
+        problems = [state.bounded() for state in states.values()]
         share = (time.perf_counter() - began) / len(states)
         if watch:
             watch.go_on()
@@ -92,7 +92,7 @@ def solve_guided(
         for place, latest in zip(list(states), map(Attempt.with_surface, again), strict=True):
             ended = replace(latest.after(found[place]), guide=states[place].fit_to(latest))
             found[place] = replace(ended, seconds=ended.seconds + share)
-            if latest.status is Status.STOPPED:
+            if latest.status is Status.STOPPED or states[place].is_done:
                 del states[place]
     return found
 
@@ -114,11 +114,17 @@ class _Guided:
         Of the last round.
     difference : float
         Of guide and photograph: root mean square of the first smooth residual.
+    doubting : Agreed or None
+        To begin again from, if the guide turns out to be distorted: see :meth:`fit_to`.
+    number : int
+        Rounds so far.
     """
 
     agreed: Agreed
     smoother: Smoother
     middle: Array
+    doubting: Agreed | None
+    number: int = 0
     used: int = 0
     tolerance: float = 0.0
     difference: float = 0.0
@@ -126,21 +132,29 @@ class _Guided:
     @classmethod
     def of(cls, device: Device, alone: Attempt, guide: Guide, options: Options) -> _Guided:
         """From the surface of the photograph alone."""
-        agreed = Agreed.on(alone.problem, guide, _surface_of(alone)[0], options)
+        surface = _surface_of(alone)[0]
+        agreed, doubting = Agreed.on(alone.problem, guide, surface, options), None
+        if agreed.fitted.trusted is not None:
+            doubting, agreed = agreed, Agreed.by(alone.problem, agreed.fitted.trusted, surface, options)
         problem, spacing = agreed.problem, agreed.fitted.cells.spacing
         right, below = (_SMOOTHNESS / spacing * each for each in edge_weights(problem.image, _joined(problem)))
         levels = max(0, math.floor(math.log2(spacing / _SPACING)))
-        return cls(agreed, Smoother(device, options["precision"], right, below, levels), agreed.log_depth)
+        return cls(agreed, Smoother(device, options["precision"], right, below, levels), agreed.log_depth, doubting)
 
-    def bounded(self, number: int) -> Problem:
-        """The problem of a round, from 0: between the bounds that surface and guide set together."""
+    @property
+    def is_done(self) -> bool:
+        """Whether there is no other round."""
+        return self.number == self.agreed.fitted.rounds
+
+    def bounded(self) -> Problem:
+        """The problem of a round: between the bounds that surface and guide set together."""
         problem, fitted, log_depth = self.agreed.problem, self.agreed.fitted, self.agreed.log_depth
         residuals = fitted.residuals(log_depth)
         self.used = int(np.count_nonzero(~np.isnan(residuals)))
         smooth = self._smoothed(residuals)
-        if number == 0:
+        if self.number == 0:
             self.difference = float(np.sqrt(np.nanmean(smooth**2)))
-        self.middle, self.tolerance = log_depth + smooth, fitted.tolerance(number, self.difference)
+        self.middle, self.tolerance = log_depth + smooth, fitted.tolerance(self.number, self.difference)
         near, far = (problem.window.spread(bound, np.nan) for bound in fitted.around(self.middle, self.tolerance))
         given = problem.given_range or DepthRange.none(problem.window.image_shape)
         fixed = problem.window.spread(problem.domain.known, False)
@@ -170,10 +184,29 @@ class _Guided:
         return smooth
 
     def fit_to(self, latest: Attempt) -> GuideFit:
-        """What became of the guide, once the surface was solved again."""
+        """What became of the guide, once the surface was solved again.
+
+        A surface that fits the photograph lies on few of the bounds of a guide that is right, however wrong it was in
+        large parts before. Between those of a distorted one most of it is pressed against them: then the guide is
+        taken for what it seemed to be, and all begins again.
+        """
         self.agreed = agreed = replace(self.agreed, log_depth=_surface_of(latest)[0])
+        self.number += 1
         departure = agreed.problem.window.spread(self.middle - agreed.log_depth, np.nan)
-        return agreed.fitted.outcome(self.used, self.tolerance, agreed.gain, departure)
+        fit = agreed.fitted.outcome(self.used, self.tolerance, agreed.gain, departure)
+        if self.doubting is not None and self._pressed() > _PRESSED:
+            self.agreed, self.number = self.doubting, 0
+        self.doubting = None
+        return fit
+
+    def _pressed(self) -> float:
+        """Share of the pixels between bounds that lie on one."""
+        log_depth = self.agreed.log_depth
+        near, far = self.agreed.fitted.around(self.middle, self.tolerance)
+        here = self.agreed.problem.domain.solved & ~np.isnan(near) & ~np.isnan(log_depth)
+        almost = _ON_BOUND * self.tolerance
+        on_bound = (log_depth <= near + almost) | (log_depth >= far - almost)
+        return float(np.mean(on_bound[here])) if here.any() else 0.0
 
 
 def _joined(problem: Problem) -> Mask:

@@ -360,3 +360,20 @@ def test_iterations_go_on_over_rounds_of_a_lamp_and_of_guides() -> None:
 def test_without_a_gain_nothing_is_rendered() -> None:
     with pytest.raises(ps.InputError, match="unknown gain"):
         ps.render(BALLS.depth, BALLS.camera, light=ps.FlashLight(gain=None), mask=BALLS.mask)
+
+
+def test_a_guide_is_not_taken_for_distorted_where_the_photograph_alone_errs_in_large_parts() -> None:
+    """A wall that faces the light nowhere, behind a bump: nothing but the guide tells how far away it is."""
+    height, width, light = 72, 108, ps.FlashLight()
+    camera, (y, x) = ps.Camera(width), np.mgrid[:height, :width]
+    bump = 1.0 + 0.3 * ((x - 27) ** 2 + (y - 36) ** 2) / width**2
+    depth = np.where(x < 45, bump, 1.3 + 2.0 * (width - x) / width)
+    image = ps.render(depth, camera, light=light)
+    blocks = np.median(depth.reshape(8, 9, 12, 9).swapaxes(1, 2).reshape(8, 12, 81), axis=2)
+    guide = blocks + 0.02 * np.ptp(depth) * np.random.default_rng(0).normal(size=blocks.shape)
+    alone = ps.reconstruct(image, camera, light=light)
+    for known in (light, ps.FlashLight(gain=None)):
+        found = ps.reconstruct(image, camera, light=known, guide=guide)
+        assert found.guide is not None
+        assert (found.guide.distortion, found.guide.drifts) == (0.0, False)
+        assert ps.compare(found.depth, depth).mean < 0.2 * ps.compare(alone.depth, depth).mean

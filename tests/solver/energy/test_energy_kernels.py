@@ -138,6 +138,23 @@ def test_matrix_and_step(device: ps.Device, precision: Precision, light: str, ma
     assert not step[~reference.view.solved].any()
 
 
+def test_grids_in_one_launch_have_the_bits_of_launches_of_their_own(
+    device: ps.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reference, log_depth = problem("front", "lambertian", PLAIN, (40, 55))
+    steps = []
+    for small in (0, 12**2, 10**6):
+        monkeypatch.setattr(energy, "_SMALL", small)
+        descent = descent_of(reference, log_depth, device, "float32")
+        descent.linearise(0.0)
+        descent.assemble(1e-3)
+        descent.solve(5, 1e-6)
+        steps.append(descent.read("step"))
+    assert np.abs(steps[0]).max() > 0.0
+    np.testing.assert_array_equal(steps[0], steps[1])
+    np.testing.assert_array_equal(steps[0], steps[2])
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(("light", "material"), [("front", "lambertian"), ("lamp", "phong")])
 def test_devices_without_vectors_find_the_same(
