@@ -64,6 +64,7 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth.npy,normals.npy,mesh.ply,page").status == 0
     (out / "mesh.obj").write_text("of another program")
     (out / "mesh.ply").write_text("changed by hand")
+    os.utime(out / "normals.npy", ns=(1, 1))  # as if changed by hand, with the same size
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth.tiff").status == 2
     assert names(out) == {"depth.npy", "normals.npy", "mesh.ply", "mesh.obj", "index.html"}
 
@@ -71,7 +72,7 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, *options)
     assert outcome.status == 0, outcome.stderr
     # An input stays, whoever made it.
-    assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj"}
+    assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj", "normals.npy"}
     options = ("--save", "mesh.stl", "--camera", tmp_path / "own" / "camera.json", "--overwrite")
     assert run("reconstruct", photo, "-o", tmp_path / "own", *FOCAL, "--save", "depth").status == 0
     assert run("reconstruct", photo, "-o", tmp_path / "own", *options).status == 0
