@@ -80,6 +80,20 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
 
 
 @pytest.mark.usefixtures("quick")
+def test_overwrite_replaces_the_camera_of_a_run_and_none_that_was_made_by_hand(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth").status == 0
+    again = ("reconstruct", photo, "-o", out, "--camera", out / "camera.json", "--save", "depth", "--overwrite")
+    assert run(*again).status == 0
+    written = (out / "camera.json").read_text(encoding="utf-8")
+    (out / "camera.json").write_text(f"{written}\n", encoding="utf-8")
+    outcome = run(*again)
+    assert outcome.status == 2
+    assert "camera.json is an input, and a result has this name" in outcome.stderr
+    assert (out / "camera.json").read_text(encoding="utf-8") == f"{written}\n"
+
+
+@pytest.mark.usefixtures("quick")
 @pytest.mark.filterwarnings("always:")
 def test_a_mesh_without_a_triangle_is_told_of(tmp_path: Path) -> None:
     write_grey(tmp_path / "photo.png", np.linspace(0.4, 0.9, 81).reshape(9, 9))
