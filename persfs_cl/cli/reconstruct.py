@@ -200,10 +200,12 @@ def reconstruct(
         saving = saving.without("pictures", "page")
         if not saving.files:
             raise
-        left = {file.name for file in output.glob("*.png")} - superseded(output, saving.files, inputs)
-        earlier = " Those in the folder are of an earlier run." if left else ""
+        given = {file.resolve() for file in inputs}
+        others = {file.name for file in output.glob("*.png") if file.resolve() not in given}
+        foreign = others - superseded(output, saving.files, inputs)
+        remark = " PNG files in the folder are not of this run." if foreign else ""
         typer.echo(
-            f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{earlier} Ctrl-C again to "
+            f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{remark} Ctrl-C again to "
             "leave without.",
             err=True,
         )
