@@ -228,3 +228,11 @@ def test_a_solid_to_print_can_be_asked_for(photo: Path, tmp_path: Path) -> None:
         outcome = run(*arguments[:4], *FOCAL, "--overwrite", *options)
         assert outcome.status == 2
         assert re.search(message, outcome.stderr), outcome.stderr
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_fails_while_files_are_made_is_told_in_the_words_of_the_command(photo: Path, tmp_path: Path) -> None:
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--save", "solid.stl", "--width", "1e-9")
+    assert outcome.status == 1
+    assert "--base 3.0 is too thick for --width 1e-09" in outcome.stderr
+    assert not (tmp_path / "out").exists()
