@@ -166,7 +166,8 @@ class ConfiguredCommand(TyperCommand):
         owners = [f"--{one.name}" for one in settings if word in one.choices]
         if len(owners) == 1:
             return f"Give {owners[0]} {word}."
-        return next((meant for one in settings if (meant := meant_by(one.parameter, word).strip())), None)
+        # What is said of other words is of use after the name of their option alone.
+        return meant_by("light", word).strip() or None if any(one.parameter == "light" for one in settings) else None
 
     def _why_too_many(self, extra: list[str]) -> str:
         taken = " ".join(each.metavar or "" for each in self.params if each.param_type_name == "argument")

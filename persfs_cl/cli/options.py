@@ -227,7 +227,7 @@ def require_guide(
     Raises
     ------
     typer.BadParameter
-        Then.
+        When a light, an albedo or an option wants a guide and there is none.
     """
     options = complete({**keywords, "light": light, "reflectance": reflectance})
     if light.unknown is not None and not guided:

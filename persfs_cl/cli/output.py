@@ -111,7 +111,7 @@ def check_inputs(folder: Path, saving: Saving, inputs: Iterable[Path]) -> None:
     Raises
     ------
     typer.BadParameter
-        Then.
+        Naming the file that would be replaced.
     """
     read = {file.resolve() for file in inputs}
     for name in saving.files:

@@ -53,7 +53,7 @@ from persfs_cl.cli.progress import progress_line, writing
 from persfs_cl.cli.spelling import in_words, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.guide.fit import GuideFit
-from persfs_cl.io.account import superseded
+from persfs_cl.io.account import superseded, written_before
 from persfs_cl.pipeline.brightness import Brightness
 from persfs_cl.pipeline.darkness import MANY
 from persfs_cl.pipeline.job import Job, prepare, read_job, solve
@@ -168,7 +168,9 @@ def reconstruct(
     inputs = tuple(sources(job).values())
     check_inputs(output, saving, inputs)
     if camera.table is not None:
-        # One of an earlier run may stay, or make room for this run's, which says the same.
+        # Only that of an earlier run may make room for this run's, which says the same; where none comes, it stays.
+        if camera.table.name not in written_before(output):
+            check_inputs(output, saving, (camera.table,))
         inputs += (camera.table,)
     keep_freed_memory()
     tolerance, stopping = keywords["tolerance"], keywords["stopping"]
@@ -198,10 +200,12 @@ def reconstruct(
         saving = saving.without("pictures", "page")
         if not saving.files:
             raise
-        left = {file.name for file in output.glob("*.png")} - superseded(output, saving.files, inputs)
-        earlier = " Those in the folder are of an earlier run." if left else ""
+        given = {file.resolve() for file in inputs}
+        others = {file.name for file in output.glob("*.png") if file.resolve() not in given}
+        foreign = others - superseded(output, saving.files, inputs)
+        remark = " PNG files in the folder are not of this run." if foreign else ""
         typer.echo(
-            f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{earlier} Ctrl-C again to "
+            f"persfs-cl: interrupted; {_listed(saving)} still written, the pictures are not.{remark} Ctrl-C again to "
             "leave without.",
             err=True,
         )

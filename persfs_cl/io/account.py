@@ -1,6 +1,7 @@
 """An account of the files that a run wrote to a folder, so that a run in its place leaves none of them behind.
 
-It says names and sizes: a file of another size is somebody else's by now, and stays.
+It says names, sizes and times of the last change: a file of another size or time is somebody else's by now, and stays.
+Renaming keeps the time, and so the account may be given before the files come to their place.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ def give_account(folder: Path) -> None:
     OSError
         When it cannot be written.
     """
-    sizes = {file.name: file.stat().st_size for file in sorted(folder.iterdir())}
-    (folder / ACCOUNT).write_text(json_text({"files": sizes}) + "\n", encoding="utf-8")
+    stamps = {file.name: _stamp(file) for file in sorted(folder.iterdir())}
+    (folder / ACCOUNT).write_text(json_text({"files": stamps}) + "\n", encoding="utf-8")
 
 
 def written_before(folder: Path) -> frozenset[str]:
@@ -33,8 +34,8 @@ def written_before(folder: Path) -> frozenset[str]:
     Without an account that can be read there are none.
     """
     try:
-        sizes = json.loads((folder / ACCOUNT).read_bytes())["files"]
-        return frozenset(name for name, size in sizes.items() if _is_there(folder, name, size))
+        stamps = json.loads((folder / ACCOUNT).read_bytes())["files"]
+        return frozenset(name for name, stamp in stamps.items() if _is_there(folder, name, stamp))
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return frozenset()
 
@@ -55,7 +56,13 @@ def superseded(folder: Path, written: Iterable[str], inputs: Iterable[Path] = ()
     return frozenset(name for name in old if (folder / name).resolve() not in read)
 
 
-def _is_there(folder: Path, name: str, size: int) -> bool:
-    """Whether a file is in the folder itself, of that size."""
+def _is_there(folder: Path, name: str, stamp: list[int]) -> bool:
+    """Whether a file is in the folder itself, and has that stamp."""
     file = folder / name
-    return Path(name).name == name and file.is_file() and not file.is_symlink() and file.stat().st_size == size
+    return Path(name).name == name and file.is_file() and not file.is_symlink() and _stamp(file) == stamp
+
+
+def _stamp(file: Path) -> list[int]:
+    """Its size in bytes, and when its content was last changed, in nanoseconds."""
+    status = file.stat()
+    return [status.st_size, status.st_mtime_ns]

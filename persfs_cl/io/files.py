@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from persfs_cl.errors import InputError
+from persfs_cl.wording import marked
 
 try:
     import fcntl
@@ -152,7 +153,7 @@ def filling(
             try:
                 yield Path(temporary)
             except InputError as error:
-                raise InputError(str(error).replace(temporary, str(final))) from error
+                raise InputError(marked(error.parts).replace(temporary, str(final))) from error
             new_files = sorted(Path(temporary).iterdir())
             gone = [final / name for name in superseded([file.name for file in new_files])]
             _move(new_files, final, gone)

@@ -38,7 +38,9 @@ def too_dark(clamped: int, solved: int, light: Light, *, levelled: bool) -> str 
         check = f"{direction} for one from the side, {other} for a lamp at the camera"
     else:
         other = keyword("light", ParallelLight(), written="ParallelLight()")
-        check = f"{keyword('offset')} for one beside the lens, {other} for one far away"
+        # Without falloff a lamp is at the camera, and nowhere else.
+        beside = f"{keyword('offset')} for one beside the lens, " if light.determines_depth else ""
+        check = f"{beside}{other} for one far away"
     return (
         f"{counted} are too dark for the light, and only {bound} bounds their slope. With so many the light is hardly "
         f"the one that was told, or they are background. Check it: {check}. Mask out the background."

@@ -27,7 +27,7 @@ _STEEPEST_GROUND = 30.0
 """Degrees. A coin whose edge is bevelled has a median of 20 along its outline, a sphere 75 and more."""
 
 _DARKEST_GROUND = 0.25
-"""Share of its brightness that half of the frame may lack before it is no ground: a relief that goes on has more, what
+"""Share of the ground's brightness below which half of the frame is no ground: a relief that goes on has more, what
 lies behind an object far less."""
 
 _MOST_PIXELS = 2**30

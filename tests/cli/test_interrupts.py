@@ -110,8 +110,9 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
     existing: bool, number: signal.Signals, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
+    out.mkdir()
+    (out / "photo.png").write_bytes(photo.read_bytes())
     if existing:
-        out.mkdir()
         (out / "normals.png").write_text("of an earlier run, and goes with it")
         give_account(out)
         (out / "relief.png").write_text("old")
@@ -122,13 +123,13 @@ def test_interrupt_of_the_pictures_keeps_the_rest(
         return draw_all(drawings, jobs)
 
     monkeypatch.setattr("persfs_cl.surface.writing.draw_all", interrupted)
-    outcome = run("reconstruct", photo, "-o", out, *FOCAL, "--overwrite")
+    outcome = run("reconstruct", out / "photo.png", "-o", out, *FOCAL, "--overwrite")
     kept = {"camera.json", "depth.npy", "depth.tiff", "mesh.ply", "report.json", "solution.npz"}
     assert outcome.status == 130
     assert {Path(line) for line in outcome.stdout.splitlines()} == {out / name for name in kept}
-    assert names(out) == kept | ({"relief.png"} if existing else set())
+    assert names(out) == kept | {"photo.png"} | ({"relief.png"} if existing else set())
     assert "depth, mesh, report and solution are still written, the pictures are not" in outcome.stderr
-    assert ("of an earlier run" in outcome.stderr) == existing
+    assert ("PNG files in the folder are not of this run." in outcome.stderr) == existing
     assert strict(out / "report.json")["status"] == "CONVERGED"
     image = grey.normalise_linear(read_photo(photo).image)
     np.testing.assert_array_equal(np.load(out / "depth.npy"), ps.reconstruct(image, ps.Camera(WIDTH)).depth)

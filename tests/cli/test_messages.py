@@ -211,6 +211,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "a light as an option": (("--flash",), 2, ("No such option: --flash. Give --light flash.",)),
     "a scheme as an option": (("--upwind",), 2, ("No such option: --upwind. Give --scheme upwind.",)),
     "the sun as an option": (("--sun",), 2, ("No such option: --sun. Give --light parallel, and its direction",)),
+    "a side as an option": (("--left",), 2, ("No such option: --left (",)),
     "a word of many options": (("--auto",), 2, ("No such option: --auto (",)),
     "a name that looks like an option": (("--", "--flash"), 2, ("--flash is too much",)),
     "a flag with no": (("--falloff", "no"), 2, ("--falloff no: --falloff takes no value, give --no-falloff.",)),

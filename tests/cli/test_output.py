@@ -64,6 +64,7 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth.npy,normals.npy,mesh.ply,page").status == 0
     (out / "mesh.obj").write_text("of another program")
     (out / "mesh.ply").write_text("changed by hand")
+    os.utime(out / "normals.npy", ns=(1, 1))  # as if changed by hand, with the same size
     assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth.tiff").status == 2
     assert names(out) == {"depth.npy", "normals.npy", "mesh.ply", "mesh.obj", "index.html"}
 
@@ -71,11 +72,25 @@ def test_overwrite_leaves_no_file_of_the_earlier_run_and_all_of_others(photo: Pa
     outcome = run("reconstruct", photo, "-o", out, *FOCAL, *options)
     assert outcome.status == 0, outcome.stderr
     # An input stays, whoever made it.
-    assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj"}
+    assert names(out) == {"depth.npy", "depth.tiff", "report.json", "mesh.ply", "mesh.obj", "normals.npy"}
     options = ("--save", "mesh.stl", "--camera", tmp_path / "own" / "camera.json", "--overwrite")
     assert run("reconstruct", photo, "-o", tmp_path / "own", *FOCAL, "--save", "depth").status == 0
     assert run("reconstruct", photo, "-o", tmp_path / "own", *options).status == 0
     assert names(tmp_path / "own") == {"camera.json", "mesh.stl"}
+
+
+@pytest.mark.usefixtures("quick")
+def test_overwrite_replaces_the_camera_of_a_run_and_none_that_was_made_by_hand(photo: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run("reconstruct", photo, "-o", out, *FOCAL, "--save", "depth").status == 0
+    again = ("reconstruct", photo, "-o", out, "--camera", out / "camera.json", "--save", "depth", "--overwrite")
+    assert run(*again).status == 0
+    written = (out / "camera.json").read_text(encoding="utf-8")
+    (out / "camera.json").write_text(f"{written}\n", encoding="utf-8")
+    outcome = run(*again)
+    assert outcome.status == 2
+    assert "camera.json is an input, and a result has this name" in outcome.stderr
+    assert (out / "camera.json").read_text(encoding="utf-8") == f"{written}\n"
 
 
 @pytest.mark.usefixtures("quick")
@@ -213,3 +228,11 @@ def test_a_solid_to_print_can_be_asked_for(photo: Path, tmp_path: Path) -> None:
         outcome = run(*arguments[:4], *FOCAL, "--overwrite", *options)
         assert outcome.status == 2
         assert re.search(message, outcome.stderr), outcome.stderr
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_fails_while_files_are_made_is_told_in_the_words_of_the_command(photo: Path, tmp_path: Path) -> None:
+    outcome = run("reconstruct", photo, "-o", tmp_path / "out", *FOCAL, "--save", "solid.stl", "--width", "1e-9")
+    assert outcome.status == 1
+    assert "--base 3.0 is too thick for --width 1e-09" in outcome.stderr
+    assert not (tmp_path / "out").exists()

@@ -33,6 +33,8 @@ def test_the_share_of_pixels_and_what_helps_are_told(share: float, light: Light,
 def test_what_was_given_is_not_asked_for() -> None:
     text = str(PersfsWarning(too_dark(98, 100, SLANTING, levelled=True)))
     assert "Check p0 and q0; where" in text
+    text = str(PersfsWarning(too_dark(98, 100, ps.FlashLight(falloff=False), levelled=False)))
+    assert "Check it: light=ParallelLight() for one far away." in text
 
 
 def test_few_are_none_of_the_warnings() -> None:
