@@ -211,8 +211,8 @@ class Fitted:
 
         if distortion <= noise:
             return by(shift, distortion, drifts=False)
-        # Numbers without a zero are a network's, as a rule.
-        instead = by(shift, 0.0, drifts=False) if held and not guide.affine else None
+        # Numbers of unknown scale may be bent; others were measured.
+        instead = by(shift, 0.0, drifts=False) if held and scale == "fixed" else None
         if not free:
             return by(shift, distortion, drifts=False, instead=instead)
         shift = drift_of(residuals, cells, noise)
