@@ -34,8 +34,8 @@ _SMOOTHNESS = 6.0
 """Weight of the total variation of the residual, over the pixels from cell to cell."""
 _MANY = 25
 """Cells. Fewer tell nothing of what lies between them."""
-_PRESSED, _ON_BOUND = 0.37, 0.01
-"""Share of the pixels on a bound beyond which a guide is distorted, and tolerances from a bound to what is on it."""
+_PRESSED = 0.37
+"""Share of the pixels on a bound beyond which a guide is distorted."""
 _SPACING = 12.0
 """Pixels, or blocks of them, from cell to cell, that sweeps of the smoothing cross."""
 
@@ -194,19 +194,19 @@ class _Guided:
         self.number += 1
         departure = agreed.problem.window.spread(self.middle - agreed.log_depth, np.nan)
         fit = agreed.fitted.outcome(self.used, self.tolerance, agreed.gain, departure)
-        if self.doubting is not None and self._pressed() > _PRESSED:
+        if self.doubting is not None and _pressed(latest) > _PRESSED:
             self.agreed, self.number = self.doubting, 0
         self.doubting = None
         return fit
 
-    def _pressed(self) -> float:
-        """Share of the pixels between bounds that lie on one."""
-        log_depth = self.agreed.log_depth
-        near, far = self.agreed.fitted.around(self.middle, self.tolerance)
-        here = self.agreed.problem.domain.solved & ~np.isnan(near) & ~np.isnan(log_depth)
-        almost = _ON_BOUND * self.tolerance
-        on_bound = (log_depth <= near + almost) | (log_depth >= far - almost)
-        return float(np.mean(on_bound[here])) if here.any() else 0.0
+
+def _pressed(attempt: Attempt) -> float:
+    """Share of the pixels between bounds that lie on one."""
+    problem, (_, depth) = attempt.problem, _surface_of(attempt)
+    assert problem.depth_range is not None  # noqa: S101 - for the type checker
+    bounds = problem.depth_range.cut(problem.window)
+    between = problem.domain.solved & ~np.isnan(bounds.near) & ~np.isnan(depth)
+    return float(np.mean(bounds.touched(depth)[between])) if between.any() else 0.0
 
 
 def _joined(problem: Problem) -> Mask:
