@@ -31,7 +31,7 @@ from persfs_cl.cli.options import (
     chosen_light,
     chosen_mask,
     chosen_reflectance,
-    require_guide,
+    refuse_unguided,
     require_together,
 )
 from persfs_cl.cli.output import (
@@ -58,7 +58,7 @@ from persfs_cl.pipeline.pages import publish, title_of
 from persfs_cl.pipeline.plan import DEFAULT_ITEMS, Plan
 from persfs_cl.pipeline.remote_store import store_for
 from persfs_cl.pipeline.run import Again, Batch, BatchResult
-from persfs_cl.pipeline.shards import Shard
+from persfs_cl.pipeline.shards import Shard, as_shard
 from persfs_cl.pipeline.store import FolderStore
 from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.shading.model import Light
@@ -230,7 +230,7 @@ def batch(
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     share, room = _share(shard), _bytes(memory)
     paint, guided = chosen_albedo(albedo), guide is not None or guides is not None
-    require_guide(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guided)
+    refuse_unguided(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guided)
     try:
         frame_slice(frames)
     except InputError as error:
@@ -369,12 +369,10 @@ def _share(text: str | None) -> Shard | None:
     numbers = re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)
     if numbers is None:
         raise typer.BadParameter(f"{text!r} is no share: give 2/8 for the second of eight.", param_hint="'--shard'")
-    number, count = int(numbers[1]), int(numbers[2])
-    if not 1 <= number <= count:
-        raise typer.BadParameter(
-            f"there is no share {text}: the first number is from 1 to the second, as in 2/8.", param_hint="'--shard'"
-        )
-    return number, count
+    try:
+        return as_shard((int(numbers[1]), int(numbers[2])))
+    except InputError as error:
+        raise WrongOption(error, "'--shard'") from error
 
 
 def _bytes(text: str | None) -> int | None:

@@ -28,7 +28,7 @@ from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.complete import complete
-from persfs_cl.solver.options import Option, Options, described
+from persfs_cl.solver.options import DESCRIBED, Option, Options
 from persfs_cl.surface.formats.records import CAMERA
 
 _CAMERA, _LIGHT, _MATERIAL, _REGION = "Camera", "Light", "Material", "Region and known values"
@@ -213,7 +213,7 @@ def require_together(
         raise WrongOption(error) from error
 
 
-def require_guide(
+def refuse_unguided(
     keywords: Options,
     light: Light,
     reflectance: Reflectance,
@@ -367,9 +367,7 @@ def keyword_chooser(*names: str) -> Callable[..., Options]:
     *names : str
         Which; all that the command has when none is named.
     """
-    wanted = {
-        name: about for name, about in described().items() if about[1].in_command and (not names or name in names)
-    }
+    wanted = {name: about for name, about in DESCRIBED.items() if about[1].in_command and (not names or name in names)}
 
     def choose(**values: Any) -> Options:
         return cast("Options", values)  # each was checked

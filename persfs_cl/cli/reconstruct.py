@@ -34,7 +34,7 @@ from persfs_cl.cli.options import (
     chosen_light,
     chosen_mask,
     chosen_reflectance,
-    require_guide,
+    refuse_unguided,
     require_together,
 )
 from persfs_cl.cli.output import (
@@ -145,7 +145,7 @@ def reconstruct(
     """
     saving = chosen_saving(save, mesh_faces, solid=solid, width=width, base=base)
     paint = chosen_albedo(albedo)
-    require_guide(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guide is not None)
+    refuse_unguided(keywords, light, reflectance, albedo=paint, guide_unit=guide_unit, guided=guide is not None)
     nearest, farthest = chosen_bounds(near, far)
     job = Job(
         photo,

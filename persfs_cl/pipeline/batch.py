@@ -29,7 +29,7 @@ from persfs_cl.pipeline.shards import Shard, as_shard
 from persfs_cl.pipeline.store import FolderStore, Store
 from persfs_cl.pipeline.workforce import workforce
 from persfs_cl.solver.complete import complete
-from persfs_cl.solver.options import Options, described
+from persfs_cl.solver.options import DESCRIBED, Options
 from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.solid import Block
 from persfs_cl.wording import nearest
@@ -152,12 +152,12 @@ def batch(
     >>> sorted((result.name, result.solution.status.name) for result in results)
     [('one.png', 'CONVERGED'), ('two.png', 'CONVERGED')]
     """
-    options = cast("Options", {name: keywords.pop(name) for name in list(keywords) if name in described()})
+    options = cast("Options", {name: keywords.pop(name) for name in list(keywords) if name in DESCRIBED})
     own = {one.name for one in fields(Brightness)}
     brightness = Brightness(**{name: keywords.pop(name) for name in list(keywords) if name in own})
     if keywords:
         unknown = next(iter(keywords))
-        near = nearest(unknown, [*inspect.signature(batch).parameters, *described(), *own])
+        near = nearest(unknown, [*inspect.signature(batch).parameters, *DESCRIBED, *own])
         raise TypeError(f"There is no keyword argument {unknown!r}{'.' if near is None else f': did you mean {near}?'}")
     check_choice("again", again, get_args(Again))
     for name in ("callback", "throw"):

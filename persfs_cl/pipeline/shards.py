@@ -33,5 +33,11 @@ def as_shard(given: Any) -> Shard | None:
         raise InputError.about(
             "shard", given, "is no share: give two numbers, (2, 8) for the second of eight."
         ) from None
-    count = as_whole_number("shard", count, least=1)
-    return as_whole_number("shard", number, least=1, most=count), count
+    number, count = (as_whole_number("shard", each, least=0) for each in (number, count))
+    if not 1 <= number <= count:
+        raise InputError(
+            f"there is no share {number}/{count}: the first number is from 1 to the second, as in 2/8.",
+            argument="shard",
+            value=given,
+        )
+    return number, count

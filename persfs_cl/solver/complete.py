@@ -6,12 +6,11 @@ from typing import Any, cast
 
 from persfs_cl.choices import Stopping
 from persfs_cl.errors import InputError
-from persfs_cl.solver.options import Options, described
+from persfs_cl.solver.options import DESCRIBED, Options
 from persfs_cl.solver.schemes import AUTO, SCHEMES, scheme_for
 from persfs_cl.solver.schemes.scheme import Scheme
 from persfs_cl.wording import keyword, nearest
 
-_DESCRIBED = described()
 _MAPS = ("mask", "walls", "known_depth", "albedo", "depth_range", "guide")
 """Keywords that each image has of its own."""
 _LEAST_GAIN = 1e-3
@@ -30,21 +29,21 @@ def complete(given: Options) -> Options:
     TypeError
         When there is no such keyword.
     """
-    unknown = next((name for name in given if name not in _DESCRIBED), None)
+    unknown = next((name for name in given if name not in DESCRIBED), None)
     if unknown is not None:
-        near = nearest(unknown, (*_MAPS, *_DESCRIBED))
-        remedy = f"give some of {', '.join((*_MAPS, *_DESCRIBED))}." if near is None else f"did you mean {near}?"
+        near = nearest(unknown, (*_MAPS, *DESCRIBED))
+        remedy = f"give some of {', '.join((*_MAPS, *DESCRIBED))}." if near is None else f"did you mean {near}?"
         raise TypeError(f"There is no keyword argument {unknown!r}: {remedy}")
     options = cast(
         "Options",
-        {name: option.check(name, given.get(name, option.default)) for name, (_, option) in _DESCRIBED.items()},
+        {name: option.check(name, given.get(name, option.default)) for name, (_, option) in DESCRIBED.items()},
     )
     light, reflectance = options["light"], options["reflectance"]
     scheme = scheme_for(options["scheme"], light, reflectance, options["boundary"])
     scheme.model(light, reflectance)
     for name in scheme.without:
         value: Any = cast("dict[str, Any]", options)[name]
-        if value != _DESCRIBED[name][1].default:
+        if value != DESCRIBED[name][1].default:
             raise InputError.about(
                 name,
                 value,
@@ -158,5 +157,5 @@ def require_guide(options: Options, *, guided: bool) -> None:
     """
     for name in ("guide_kind", "guide_scale", "guide_tolerance"):
         value: Any = cast("dict[str, Any]", options)[name]
-        if not guided and value != _DESCRIBED[name][1].default:
+        if not guided and value != DESCRIBED[name][1].default:
             raise InputError.about(name, value, f"is without {keyword('guide')}: give one, or leave it out.")

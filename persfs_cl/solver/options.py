@@ -309,8 +309,7 @@ class Options(TypedDict, total=False):
     throw: Annotated[bool, Option(False, as_flag, in_command=False, in_report=False)]
 
 
-def described() -> dict[str, tuple[Any, Option]]:
-    """Type and description of every keyword, by its name."""
+def _described() -> dict[str, tuple[Any, Option]]:
     return {
         name: (get_args(kind)[0], get_args(kind)[1])
         for name, kind in get_type_hints(Options, include_extras=True).items()
@@ -318,13 +317,14 @@ def described() -> dict[str, tuple[Any, Option]]:
     }
 
 
-_DESCRIBED = described()
+DESCRIBED = _described()
+"""Type and description of every keyword, by its name."""
 
 
 def reported(options: Options) -> dict[str, Any]:
     """Those that a report states, as plain values."""
     values, without = cast("dict[str, Any]", options), SCHEMES[options["scheme"]].without
-    return {name: values[name] for name, (_, option) in _DESCRIBED.items() if option.in_report and name not in without}
+    return {name: values[name] for name, (_, option) in DESCRIBED.items() if option.in_report and name not in without}
 
 
 def with_options(function: _Function) -> _Function:
@@ -333,7 +333,7 @@ def with_options(function: _Function) -> _Function:
     own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
     keywords = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=kind)
-        for name, (kind, option) in _DESCRIBED.items()
+        for name, (kind, option) in DESCRIBED.items()
     ]
     function.__signature__ = signature.replace(parameters=[*own, *keywords])  # type: ignore[attr-defined]
     return function

@@ -18,7 +18,7 @@ from persfs_cl.cli.options import chosen_keywords
 from persfs_cl.cli.reconstruct import reconstruct
 from persfs_cl.shading.lights import LIGHTS
 from persfs_cl.shading.materials import MATERIALS
-from persfs_cl.solver.options import described
+from persfs_cl.solver.options import DESCRIBED
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def test_lights_come_from_their_table(texts: tuple[str, ...], light: object) -> 
 
 def test_choices_and_defaults_are_those_of_the_library() -> None:
     options, library = signature(chosen_keywords), inspect.signature(ps.reconstruct).parameters
-    told = {name: option for name, (_, option) in described().items() if option.in_command}
+    told = {name: option for name, (_, option) in DESCRIBED.items() if option.in_command}
     assert options.keys() == told.keys()
     assert options.keys() >= {"surface", "boundary", "scheme", "ordering", "max_iterations", "tolerance", "device"}
     for name, option in told.items():
