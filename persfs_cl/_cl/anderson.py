@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import ROW_GROUP, Kernel, in_row_groups, kernel
+from persfs_cl._cl.kernel import Kernel, in_row_groups, kernel, row_group
 from persfs_cl._cl.run import Run
 
 DEPTH = 5
@@ -129,5 +129,5 @@ class Mixer:
         heads[images] = self._heads[images]
         self._values |= {"heads": upload(run.device, heads), "counts": upload(run.device, counts.copy())}
         # A row is work enough for a group of a processor.
-        rows = 1 if run.device.kind == "cpu" else min(ROW_GROUP, run.device.largest_group)
+        rows = 1 if run.device.kind == "cpu" else row_group(run.device)
         launched.launch(run.device, *in_row_groups(rows, run.layout.height, run.images), self._values)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import kernel
+from persfs_cl._cl.kernel import kernel, row_group
 from persfs_cl._cl.parameters import records
 from persfs_cl._cl.registers import lanes
 from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP
@@ -29,8 +29,6 @@ _ALIGNED = 16
 begin in the image."""
 _BEHIND = 64
 """Numbers behind an array that may be read, though what they are plays no part."""
-_ITEMS = 64
-"""Work-items of a row where each does one pixel at a time."""
 
 _SMALLEST = 4
 _MOST_GRIDS = 7
@@ -164,7 +162,7 @@ class Descent:
         self._grids = _grids(_Grid(width, height))
         wide = lanes(device, precision)
         # A vector wants a whole row, lest groups be too small to pay.
-        self._items = 1 if wide > 1 else min(_ITEMS, device.largest_group)
+        self._items = 1 if wide > 1 else row_group(device)
         definitions = {
             "LANES": wide,
             "PAINTED": int(terms.painted),

@@ -23,6 +23,11 @@ ROW_GROUP = 64
 """Neighbouring cells of a row that a work-group takes, where each work-item takes its own, if a device allows it."""
 
 
+def row_group(device: Device) -> int:
+    """As many of them as a device allows."""
+    return min(ROW_GROUP, device.largest_group)
+
+
 def in_row_groups(group: int, items: int, *others: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Size of a launch of at least so many items along rows, and of its work-groups of so many.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel
+from persfs_cl._cl.kernel import in_row_groups, kernel, row_group
 from persfs_cl._cl.parameters import records
 
 KERNEL_FILE = "render"
@@ -45,7 +45,7 @@ def render(
             "width": width,
             "height": height,
         }
-        size, group = in_row_groups(min(ROW_GROUP, device.largest_group), width, height)
+        size, group = in_row_groups(row_group(device), width, height)
         rendering.launch(device, size, group, values)
         cl.enqueue_copy(device.queue, result, values["brightness"])
     return result

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from persfs_cl._cl.buffers import upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
-from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel
+from persfs_cl._cl.kernel import in_row_groups, kernel, row_group
 
 LEAST, HUBER, RELAXATION = 0.2, 1.5, 1.7
 """Share of the noise that a step counts at least; noises from which a datum pulls no harder; over-relaxation."""
@@ -82,7 +82,7 @@ class _Level:
     def __init__(self, device: Device, precision: str, right: NDArray[Any], below: NDArray[Any]) -> None:
         self._device, self._real = device, device.real(precision)
         self._shape = height, width = right.shape
-        self._items, self._group = in_row_groups(min(ROW_GROUP, device.largest_group), width, height)
+        self._items, self._group = in_row_groups(row_group(device), width, height)
         self._stride = self._items[0] + _BORDER
         with in_words(device):
             self._reweigh, self._relax = (

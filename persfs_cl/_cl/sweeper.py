@@ -16,7 +16,7 @@ from persfs_cl._cl.buffers import allocate, upload
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.image import Image
-from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel
+from persfs_cl._cl.kernel import in_row_groups, kernel, row_group
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.limits import constants_of, stored_limits
 from persfs_cl._cl.orderings import ordering_for
@@ -180,7 +180,7 @@ class Sweeper:
             files = ["change", "tiles", "measure_tiles"] if tiled else ["change", "measure"]
             self._measure = kernel(device, files, precision, {"LANES": wide}, "measure")
             # With vectors each item takes a part of its own: see kernels/shared/measure.cl.
-            group, most = (1, 1) if wide > 1 else (min(ROW_GROUP, device.largest_group), 1024)
+            group, most = (1, 1) if wide > 1 else (row_group(device), 1024)
             items = max(1, min(most * device.compute_units, self._layout.size // 1024))
             self._measure_launch = in_row_groups(group, items, self.count)
 

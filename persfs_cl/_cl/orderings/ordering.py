@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.image import Image
-from persfs_cl._cl.kernel import ROW_GROUP
+from persfs_cl._cl.kernel import ROW_GROUP, row_group
 from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.run import Run
 from persfs_cl.errors import KernelBuildError
@@ -203,5 +203,4 @@ class InRowGroups(Ordering):
     @classmethod
     def of(cls: type[Grouped], setup: Setup) -> Grouped:
         """With groups as large as the device allows."""
-        group = min(ROW_GROUP, setup.device.largest_group)
-        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=group)
+        return cls(second_order=setup.second_order, only_lower=setup.only_lower, group=row_group(setup.device))
