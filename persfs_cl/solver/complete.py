@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
+from persfs_cl._cl.orderings import REST_EARLY
 from persfs_cl.choices import Stopping
 from persfs_cl.errors import InputError
 from persfs_cl.solver.options import DESCRIBED, Options
@@ -109,12 +110,13 @@ def _require_rest(options: Options, scheme: Scheme) -> None:
             f"with {keyword('scheme', scheme.name)}: it creeps to its limit by such small changes. Use "
             f"{keyword('resting', 0)}, or {keyword('scheme', 'upwind')}.",
         )
-    if options["ordering"] != "wavefront":
+    if options["ordering"] not in REST_EARLY:
+        others = " or ".join(keyword("ordering", name) for name in REST_EARLY)
         raise InputError.about(
             "resting",
             resting,
-            f"with {keyword('ordering', options['ordering'])}: only in the wavefront's is the distance from the limit "
-            f"bounded. Use {keyword('resting', 0)}, or {keyword('ordering', 'wavefront')}.",
+            f"with {keyword('ordering', options['ordering'])}: only in the {' or '.join(REST_EARLY)}'s is the distance "
+            f"from the limit bounded. Use {keyword('resting', 0)}, or {others}.",
         )
     if options["accuracy_order"] > 1:
         raise InputError.about(

@@ -15,6 +15,8 @@ ORDERINGS: dict[str, Callable[[Setup], Ordering]] = {
     "lexicographic": Lexicographic.of,
 }
 """By what users type, what chooses a class, and its sizes, for images and a device."""
+REST_EARLY = ("wavefront",)
+"""Those in which the distance from the limit is bounded where parts rest of which the changes are small."""
 
 
 def ordering_for(name: str, setup: Setup) -> Ordering:

@@ -233,9 +233,9 @@ def _descend(
             continue
         there, left = reached.sums, math.nan
         if free:
-            relit = descent.linearise(there.white)
-            if relit.energy <= there.energy:
-                found.white, there = there.white, relit
+            whitened = descent.linearise(there.white)
+            if whitened.energy <= there.energy:
+                found.white, there = there.white, whitened
             else:
                 # By rounding.
                 descent.linearise(found.white)
