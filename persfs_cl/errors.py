@@ -63,6 +63,11 @@ class Worded(Exception):  # noqa: N818  # no error by itself: warnings are such 
         return _restored, (type(self), self.args), self.__dict__
 
 
+def spelled(message: Warning | Exception | str, spelling: Spelling) -> str:
+    """An error or a warning, ours or another's, with the keywords that it mentions spelled as its readers know them."""
+    return message.worded(spelling) if isinstance(message, Worded) else str(message)
+
+
 class PersfsWarning(Worded, UserWarning):
     """What persfs_cl warns of."""
 

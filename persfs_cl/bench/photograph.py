@@ -23,6 +23,16 @@ from persfs_cl.colour import encode_srgb
 SIZE = 3464
 """12 million pixels."""
 ELAPSED, PROCESSOR, PEAK = "from start to end", "processor time", "peak memory"
+_COMMAND = """
+import sys
+from persfs_cl.cli import main
+try:
+    main()
+finally:
+    from persfs_cl.bench.peaks import peak_memory
+    sys.stderr.write(f"\\n{peak_memory()}")
+"""
+"""The command, which says at its end how much memory it had: what is told of it afterwards is this process's too."""
 _PHOTOS = {"PNG": ("png", 0.0), "JPEG, with noise": ("jpg", 0.01)}
 """By what they are called, their suffix and the standard deviation of their noise, in shares of the brightness."""
 
@@ -77,7 +87,7 @@ def _command(plan: Plan, photo: Path, output: Path, size: int) -> dict[str, floa
     FreshProcessError
         When it fails.
     """
-    command = [sys.executable, "-m", "persfs_cl", "reconstruct", str(photo), "-o", str(output), "--overwrite"]
+    command = [sys.executable, "-c", _COMMAND, "reconstruct", str(photo), "-o", str(output), "--overwrite"]
     command += ["--light", "flash", "--focal-length", str(size)]
     command += ["--device", str(plan.device.index), "--precision", plan.precision]
     with tempfile.TemporaryFile() as said:
@@ -87,12 +97,12 @@ def _command(plan: Plan, photo: Path, output: Path, size: int) -> dict[str, floa
         elapsed = time.perf_counter() - began
         # So that it does not wait for it again.
         process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        text, _, peak = said.read().decode(errors="replace").rpartition("\n")
         if process.returncode:
-            said.seek(0)
-            raise FreshProcessError(f"{' '.join(command)} failed:\n{said.read().decode(errors='replace').strip()}")
-    unit = 1 if sys.platform == "darwin" else 2**10
+            raise FreshProcessError(f"persfs-cl {' '.join(command[3:])} failed:\n{text.strip()}")
     return {
         ELAPSED: elapsed,
         PROCESSOR: usage.ru_utime + usage.ru_stime,
-        PEAK: usage.ru_maxrss * unit / 2**20,
+        PEAK: int(peak) / 2**20,
     }

@@ -16,9 +16,12 @@ _BEFORE = 3
 
 @dataclass
 class _Group:
-    """Photos of which the same is said; `text` is what is said of the first."""
+    """Photos of which the same is said; `text` is what is said of the first, `of_all` whether it names none."""
 
     text: str
+    of_all: bool
+    place: str
+    """Of the first photo: what stands before the text, unless that begins with it."""
     count: int = 0
     names: list[str] = field(default_factory=list)
 
@@ -49,28 +52,32 @@ class Alike:
             if len(self._groups) == _SHOWN or self._named == _SHOWN:
                 self._untold += 1
                 return
-            group = self._groups[key] = _Group(text)
+            named = text.startswith(str(path)) and str(path).endswith(name)
+            group = self._groups[key] = _Group(text, key == text, str(path) if named else name)
         group.count += 1
         if len(group.names) < (_SHOWN if self._every_name else _BEFORE) and self._named < _SHOWN:
             group.names.append(name)
             self._named += 1
 
     def groups(self) -> Iterator[tuple[int, list[str], str]]:
-        """How many photos, the names of some, and what is said of the first of them."""
+        """How many photos, the names of some, and what is said: "of the first" where it names that."""
         for group in self._groups.values():
-            yield group.count, group.names, group.text
+            said = at_place(group.place, group.text) if group.count == 1 else group.text
+            yield group.count, group.names, said if group.of_all or group.count == 1 else f"of the first, {said}"
 
     def lines(self, of: str = "") -> Iterator[str]:
         """All of it, for standard error; `of` comes before the reason.
 
         The reason is on the line of the first photos, and the others are on the next.
         """
-        for count, names, text in self.groups():
-            if count == 1:
-                yield f"persfs-cl: {at_place(names[0], text, of)}"
+        for group in self._groups.values():
+            names = group.names
+            if group.count == 1:
+                yield f"persfs-cl: {at_place(group.place, group.text, of)}"
                 continue
-            others = " and others" if count > len(names[:_BEFORE]) else ""
-            yield f"persfs-cl: {count} photos, {', '.join(names[:_BEFORE])}{others}: {of}{text}"
+            others = " and others" if group.count > len(names[:_BEFORE]) else ""
+            first = "" if group.of_all else "; of the first"
+            yield f"persfs-cl: {group.count} photos, {', '.join(names[:_BEFORE])}{others}{first}: {of}{group.text}"
             if names[_BEFORE:]:
                 yield f"persfs-cl: the same of {', '.join(names[_BEFORE:])}."
 

@@ -18,9 +18,9 @@ import persfs_cl
 from persfs_cl.cli.config import ConfiguredCommand, bare_flags
 from persfs_cl.cli.interrupts import answered, raising
 from persfs_cl.cli.signals import leave_at_once
-from persfs_cl.cli.spelling import WrongOption, in_words, meant_by, spelling
+from persfs_cl.cli.spelling import WrongOption, meant_by, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
-from persfs_cl.errors import DeviceError, PersfsError
+from persfs_cl.errors import DeviceError, PersfsError, spelled
 from persfs_cl.wording import Spelling, brief
 
 _NO_DEVICE = 3
@@ -132,7 +132,7 @@ persfs-cl paper -o result
 
 persfs-cl paper --quick
 
-It needs numba: pip install numba.
+It needs numba: pip install 'persfs-cl[paper]'.
 
 Ctrl-C keeps the tables that are finished; the exit status is 130.
 """
@@ -223,7 +223,7 @@ class _Commands(TyperGroup):
             yield
 
     def _worded(self, ctx: Any, message: Warning | Exception | str) -> str:
-        return in_words(message, self._spelling(ctx))
+        return spelled(message, self._spelling(ctx))
 
     def _spelling(self, ctx: Any) -> Spelling:
         return spelling(self.commands[ctx.invoked_subcommand].params)

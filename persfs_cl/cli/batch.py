@@ -260,6 +260,7 @@ def batch(
         reflectance=reflectance,
         keywords=keywords,
         saving=saving,
+        spelling=spelling(ctx.command.params),
     )
     plan.require_files()
     if not output:
@@ -273,16 +274,15 @@ def batch(
     except InputError as error:
         raise WrongOption(error) from error
     whole = Batch(listing, plan, store, again=again, shard=share)
-    spell = spelling(ctx.command.params)
     if dry_run:
-        _look(whole, spell)
+        _look(whole, plan.spelling)
         return
-    tally = Tally(spell, saving)
+    tally = Tally(plan.spelling, saving)
     if not listing.inputs:
         # Such as a path with a slip in it: nothing is made for that.
         slips = Alike(every_name=True)
         for place, why in listing.problems:
-            slips.add(place, Path(place), in_a_line(why, spell))
+            slips.add(place, Path(place), in_a_line(why, plan.spelling))
         for line in slips.lines():
             typer.echo(line, err=True)
         if slips.more:

@@ -143,10 +143,16 @@ class ConfiguredCommand(TyperCommand):
         return rest
 
     def _slip(self, args: list[str]) -> str | None:
-        """What helps where a flag has a value, or a choice is given as an option; None where neither is seen."""
+        """What helps where a value is empty, a flag has one, or a choice is an option; None where none is seen."""
         # What follows is no option, whatever it looks like.
         args = args[: args.index("--")] if "--" in args else args
         names = {name: each for each in self.params for name in (*each.opts, *each.secondary_opts)}
+        joined = [tuple(each.split("=", 1)) for each in args if each.startswith("--") and "=" in each]
+        for name, word in (*pairwise(args), *joined):
+            if not word and name in names and not getattr(names[name], "is_flag", False):
+                what = names[name].metavar or "a value"
+                remedy = what if names[name].required else f"{what}, or leave {name} out"
+                return f"{name} is empty, as a variable that is not set leaves it: give {remedy}."
         for name, word in pairwise(args):
             if not getattr(names.get(name), "is_flag", False) or word.lower() not in _ON + _OFF or Path(word).exists():
                 continue

@@ -50,8 +50,9 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
-from persfs_cl.cli.spelling import in_words, spelling
+from persfs_cl.cli.spelling import spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
+from persfs_cl.errors import spelled
 from persfs_cl.guide.fit import GuideFit
 from persfs_cl.io.account import superseded, written_before
 from persfs_cl.pipeline.brightness import Brightness
@@ -191,7 +192,7 @@ def reconstruct(
         del read
         stopped = interrupted()
     spell = spelling(ctx.command.params)
-    result = replace(result, warnings=tuple(dict.fromkeys(in_words(each, spell) for each in said)))
+    result = replace(result, warnings=tuple(dict.fromkeys(spelled(each, spell) for each in said)))
     try:
         with writing():
             files = write(result, output, saving, threads=threads_for(result.solution.depth.size), inputs=inputs)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import typer
 
-from persfs_cl.errors import Worded
+from persfs_cl.errors import Worded, spelled
 from persfs_cl.shading.lights import LIGHTS
 from persfs_cl.shading.materials import MATERIALS
 from persfs_cl.wording import Mention, Spelling
@@ -60,6 +61,33 @@ class WrongOption(typer.BadParameter):
         self.message = self.error.worded(spelling)
 
 
+@dataclass(frozen=True)
+class _Option:
+    """What is typed for a keyword: its name, the name that turns it off, and whether it may be unknown."""
+
+    name: str
+    off: str
+    may_be_unknown: bool
+
+
+@dataclass(frozen=True)
+class _OptionNames:
+    """A spelling that processes of devices can be sent, by the keywords of a command's options."""
+
+    options: Mapping[str, _Option]
+
+    def __call__(self, mention: Mention) -> str:
+        option = self.options.get(mention.keyword)
+        if option is None:
+            several = [self.options[name] for name in _SEVERAL.get(mention.keyword, ()) if name in self.options]
+            return "/".join(each.name for each in several) or str(mention)
+        if mention.value == "None" and option.may_be_unknown:
+            return f"{option.name} {_UNKNOWN}"
+        if mention.value == "False" and option.off:
+            return option.off
+        return f"{option.name} {mention.typed or _KINDS.get(mention.kind, '')}".rstrip()
+
+
 def spelling(parameters: Iterable[Any]) -> Spelling:
     """How a command spells keywords: `scheme='upwind'` as `--scheme upwind`; those that it lacks as Python does.
 
@@ -68,27 +96,15 @@ def spelling(parameters: Iterable[Any]) -> Spelling:
     parameters : iterable
         Those of the command.
     """
-    options = {each.name: each for each in parameters if each.param_type_name == "option"}
-
-    def spell(mention: Mention) -> str:
-        option = options.get(mention.keyword)
-        if option is None:
-            several = [options[name] for name in _SEVERAL.get(mention.keyword, ()) if name in options]
-            return "/".join(each.opts[0] for each in several) or str(mention)
-        if mention.value == "None" and _UNKNOWN in (option.metavar or ""):
-            return f"{option.opts[0]} {_UNKNOWN}"
-        if mention.value == "False" and option.secondary_opts:
-            return str(option.secondary_opts[0])
-        return f"{option.opts[0]} {mention.typed or _KINDS.get(mention.kind, '')}".rstrip()
-
-    return spell
-
-
-def in_words(message: Warning | Exception | str, spell: Spelling) -> str:
-    """An error or a warning in the words of a command."""
-    return message.worded(spell) if isinstance(message, Worded) else str(message)
+    return _OptionNames(
+        {
+            each.name: _Option(each.opts[0], next(iter(each.secondary_opts), ""), _UNKNOWN in (each.metavar or ""))
+            for each in parameters
+            if each.param_type_name == "option"
+        }
+    )
 
 
 def in_a_line(message: Warning | Exception | str, spell: Spelling) -> str:
     """The same where many are listed, each on a line."""
-    return " ".join(in_words(message, spell).splitlines())
+    return " ".join(spelled(message, spell).splitlines())

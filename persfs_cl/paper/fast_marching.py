@@ -34,7 +34,7 @@ def compiled() -> March:
     try:
         import numba
     except ImportError as error:
-        raise UnavailableError(f"numba cannot be imported ({error}): pip install numba.") from error
+        raise UnavailableError(f"numba cannot be imported ({error}): pip install 'persfs-cl[paper]'.") from error
     return cast("March", numba.njit(march))
 
 

@@ -169,20 +169,17 @@ def batch(
     if camera is not None:
         require_camera(camera)
     settings = complete(options)
-    paint: Path | Literal["fit"] | None = "fit" if albedo == "fit" else None if albedo is None else as_path(albedo)
+    paint: Path | Literal["fit"] | None = "fit" if albedo == "fit" else _path(albedo)
     require_guided(settings, paint, guide_unit, guided=guide is not None or guides is not None)
     near, far = checked_bounds(_bound(near), _bound(far))
-    files = {
-        "masks": masks,
-        "guides": guides,
-        "walls": walls,
-        "known_depth": known_depth,
-    }
     plan = Plan(
         camera=CameraChoice() if camera is None else CameraChoice.like(camera),
         cameras=None if cameras is None else read_cameras(cameras),
-        **{name: None if file is None else as_path(file) for name, file in files.items()},
-        mask="auto" if mask == "auto" else None if mask is None else as_path(mask),
+        masks=_path(masks),
+        guides=_path(guides),
+        walls=_path(walls),
+        known_depth=_path(known_depth),
+        mask="auto" if mask == "auto" else _path(mask),
         mask_erode=as_whole_number("mask_erode", mask_erode, least=0),
         albedo=paint,
         near=near,
@@ -206,6 +203,10 @@ def batch(
     whole = Batch(listing, plan, store, again=again, shard=as_shard(shard))
     results = whole.results(workforce(plan, store, device, max_memory, scheduler))
     return _shown(results, plan, store, listing, title_of([str(one) for one in given]))
+
+
+def _path(given: FilePath | None) -> Path | None:
+    return None if given is None else as_path(given)
 
 
 def _bound(given: float | FilePath | None) -> float | Path | None:

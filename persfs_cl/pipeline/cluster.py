@@ -111,7 +111,7 @@ class Cluster:
             import distributed  # noqa: F401 - an extra
         except ImportError as error:
             raise UnavailableError(
-                f"Dask's workers cannot be reached ({error}): 'pip install persfs-cl[cluster]' brings what is needed."
+                f"Dask's workers cannot be reached ({error}): pip install 'persfs-cl[cluster]'."
             ) from error
         self._scheduler, self._patience = scheduler, patience
         self._order = Order(secrets.token_hex(8), now(), setting, max_memory)

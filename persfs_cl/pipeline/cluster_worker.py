@@ -102,6 +102,7 @@ class _Desk:
             options=setting.options,
             memory=room,
             put=self._put,
+            spelling=setting.spelling,
             readers=threads,
             writers=threads,
         )

@@ -12,7 +12,7 @@ from multiprocessing.connection import wait
 
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
-from persfs_cl.pipeline.manifest import Record, now
+from persfs_cl.pipeline.manifest import Record, as_entry, now
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.workers import Setting, Worker
 
@@ -333,7 +333,7 @@ def failed(task: Task, error: PersfsError) -> Record:
         name=task.name,
         path=str(task.job.path),
         status="failed",
-        error={"kind": type(error).__name__, "message": str(error)},
+        error=as_entry(error),
         parameter_hash=task.parameter_hash,
         finished=now(),
     )

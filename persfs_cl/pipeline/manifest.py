@@ -17,7 +17,9 @@ from functools import cache, lru_cache
 from importlib.metadata import version
 from typing import Any, Literal, NamedTuple
 
+from persfs_cl.errors import PersfsError
 from persfs_cl.io.files import plain
+from persfs_cl.wording import Spelling
 
 FOLDER = "manifest"
 """Where the files are, below the output."""
@@ -141,6 +143,11 @@ def package_version() -> str:
 def now() -> str:
     """The time in UTC, by ISO 8601, to the microsecond."""
     return datetime.now(timezone.utc).isoformat(timespec="microseconds")
+
+
+def as_entry(error: PersfsError, spelling: Spelling = str) -> dict[str, str]:
+    """What a record says of an error."""
+    return {"kind": type(error).__name__, "message": error.worded(spelling)}
 
 
 def file_name() -> str:

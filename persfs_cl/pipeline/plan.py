@@ -26,6 +26,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.complete import complete
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import Saving
+from persfs_cl.wording import Spelling
 
 DEFAULT_ITEMS = "depth,normals,preview,report"
 """What a batch writes of each photo."""
@@ -61,6 +62,9 @@ class Plan:
     size, brightness, light, reflectance, keywords
         As for :class:`persfs_cl.pipeline.job.Job`.
     saving : Saving
+    spelling : callable
+        How records, reports and pages spell the keywords that warnings and errors mention: as whoever reads them has
+        given them, see :mod:`persfs_cl.wording`.
     """
 
     camera: CameraChoice = field(default_factory=CameraChoice)
@@ -82,6 +86,7 @@ class Plan:
     reflectance: Reflectance = Lambertian()
     keywords: Options = field(default_factory=Options)
     saving: Saving = field(default_factory=lambda: Saving.of(DEFAULT_ITEMS))
+    spelling: Spelling = str
 
     def job(self, one: Input, roots: Sequence[Path] = ()) -> Job:
         """What is to be done with one photo.

@@ -12,7 +12,7 @@ from typing import Literal
 from persfs_cl.errors import InputError, PersfsError, PersfsWarning
 from persfs_cl.pipeline.claim import claimed
 from persfs_cl.pipeline.listing import Input, Listing
-from persfs_cl.pipeline.manifest import Known, Record, latest, now, package_version
+from persfs_cl.pipeline.manifest import Known, Record, as_entry, latest, now, package_version
 from persfs_cl.pipeline.plan import Plan, is_the_same
 from persfs_cl.pipeline.shards import Shard, is_in
 from persfs_cl.pipeline.station import Task
@@ -244,7 +244,7 @@ class Batch:
             name=name,
             path=str(path),
             status="failed",
-            error={"kind": type(error).__name__, "message": str(error)},
+            error=as_entry(error, self._plan.spelling),
             version=package_version(),
             finished=now(),
         )

@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from persfs_cl._cl.device import Device
-from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError, Worded
+from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError, Worded, spelled
 from persfs_cl.pipeline.headers import pixels
 from persfs_cl.pipeline.health import trouble
 from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, read_job
-from persfs_cl.pipeline.manifest import Record, now, package_version
+from persfs_cl.pipeline.manifest import Record, as_entry, now, package_version
 from persfs_cl.pipeline.plan import input_hash, stamps
 from persfs_cl.pipeline.results import PhotoSolution, write
 from persfs_cl.pipeline.room import Room, bytes_for
@@ -41,7 +41,7 @@ from persfs_cl.surface.outcome import Status
 from persfs_cl.surface.saving import Saving
 from persfs_cl.surface.solution import Solution
 from persfs_cl.told import Heard, hearing
-from persfs_cl.wording import marked
+from persfs_cl.wording import Spelling, marked
 
 _ROOM_OF_READERS = 4
 """Photos that wait to be written for each writer: more would only hold memory."""
@@ -137,6 +137,8 @@ class Station:
         Called with each outcome, by any thread.
     solutions : bool
         Whether outcomes carry the solution.
+    spelling : callable
+        Of the keywords that records, reports and pages mention.
     readers, writers : int
         Numbers of threads.
     """
@@ -151,11 +153,12 @@ class Station:
         memory: int,
         put: Callable[[Outcome], None],
         solutions: bool = False,
+        spelling: Spelling = str,
         readers: int = 2,
         writers: int = 2,
     ) -> None:
         self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
-        self._put, self._solutions = put, solutions
+        self._put, self._solutions, self._spelling = put, solutions, spelling
         scheme = SCHEMES[options["scheme"]]
         self._in_rounds = scheme.model(options["light"], options["reflectance"]).in_rounds
         self._by_energy = scheme.by_energy
@@ -282,7 +285,7 @@ class Station:
             total = solution.elapsed.total + work.seconds["prepare"]
             solved = finished(work.ready, replace(solution, elapsed=replace(solution.elapsed, total=total)))
         work.said += said
-        work.solved = replace(solved, warnings=tuple(one.message for one in work.said))
+        work.solved = replace(solved, warnings=self._warnings(work))
         work.ready = work.attempted = None
 
     def _write_all(self) -> None:
@@ -307,12 +310,15 @@ class Station:
         assert work.solved is not None  # noqa: S101 - for the type checker
         return Record(**{**self._about(work), **work.solved.summary(files)}, status="done")
 
+    def _warnings(self, work: _Work) -> tuple[str, ...]:
+        return tuple(spelled(one.warning, self._spelling) for one in work.said)
+
     def _about(self, work: _Work) -> dict[str, Any]:
         """What is recorded of every photo, however it ended."""
         return {
             "name": work.task.name,
             "path": str(work.task.job.path),
-            "warnings": tuple(one.message for one in work.said),
+            "warnings": self._warnings(work),
             "parameter_hash": work.task.parameter_hash,
             "version": package_version(),
             "device": str(self._device),
@@ -375,8 +381,7 @@ class Station:
     ) -> None:
         for work in works:
             error = why(work)
-            said = {"kind": type(error).__name__, "message": str(error)}
-            record = Record(**self._about(work), status="failed", error=said)
+            record = Record(**self._about(work), status="failed", error=as_entry(error, self._spelling))
             self._end(work, Outcome(work.task.number, end, record, error))
 
 

@@ -28,7 +28,7 @@ from persfs_cl.pipeline.store import Store
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.saving import Saving
 from persfs_cl.told import listen
-from persfs_cl.wording import brief
+from persfs_cl.wording import Spelling, brief
 
 _LAST_WORDS = 10.0
 """Seconds in which a process must have ended that has nothing to do any more: drivers may hang in that."""
@@ -53,6 +53,8 @@ class Setting:
         Whether solutions are sent.
     threads : int
         That read, and as many that write.
+    spelling : callable
+        As for :class:`persfs_cl.pipeline.plan.Plan`.
     """
 
     device: int | str | Device | None
@@ -62,6 +64,7 @@ class Setting:
     memory: int
     solutions: bool
     threads: int
+    spelling: Spelling = str
 
 
 class Worker:
@@ -202,6 +205,7 @@ def main(number: int) -> None:
             memory=setting.memory,
             put=lambda outcome: say("outcome", outcome),
             solutions=setting.solutions,
+            spelling=setting.spelling,
             readers=setting.threads,
             writers=setting.threads,
         )

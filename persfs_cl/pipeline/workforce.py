@@ -86,7 +86,10 @@ def crew_settings(
         int(_SHARE_OF_MEMORY * memory()) if max_memory is None else as_whole_number("max_memory", max_memory, least=1)
     )
     threads = max(_THREADS, usable_cores() // (2 * len(chosen)))
-    return [Setting(one, store, plan.saving, options, room // len(chosen), store is None, threads) for one in chosen]
+    memory_each = room // len(chosen)
+    return [
+        Setting(one, store, plan.saving, options, memory_each, store is None, threads, plan.spelling) for one in chosen
+    ]
 
 
 def chosen_devices(

@@ -48,7 +48,7 @@ def done(photos: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcome = run("batch", given, "-o", output, *FLASH)
     assert outcome.status == 1
     assert sorted(outcome.stdout.splitlines()) == [str(output / name) for name in ("a.png", "b.png", "deep/a.png")]
-    assert "persfs-cl: text.png: " in outcome.stderr
+    assert f"persfs-cl: {given}/text.png " in outcome.stderr
     assert "3 done" in outcome.stderr
     assert "1 failed" in outcome.stderr
     assert str(output / "index.html") in outcome.stderr
@@ -140,7 +140,25 @@ def test_an_interrupted_batch_says_how_many_are_done_and_goes_on(
 def test_no_folder_is_no_output(photos: Path) -> None:
     outcome = run("batch", photos / "a.png", "-o", "", *FLASH)
     assert outcome.status == 2
-    assert "name a folder" in outcome.stderr
+    assert "-o is empty, as a variable that is not set leaves it: give DIR." in outcome.stderr
+
+
+def test_records_and_pages_have_the_words_of_the_command(tmp_path: Path) -> None:
+    given, output = tmp_path / "in", tmp_path / "out"
+    given.mkdir()
+    dark = np.where(np.indices(SCENE.image.shape).sum(0) < 16, SCENE.image / SCENE.image.max(), 0.0)
+    write_grey(given / "dark.png", dark)
+    assert run("batch", given, "-o", output, "--fov", "40", "--save", "report,page").status == 0
+    for place in ("dark.png/report.json", "dark.png/index.html", "index.html", "summary.csv"):
+        said = (output / place).read_text(encoding="utf-8")
+        assert "--light flash for a lamp at the camera" in said, place
+        assert "light=FlashLight()" not in said, place
+    outcome = run("batch", given, "-o", output / "other")
+    assert outcome.status == 1
+    with (output / "other" / "summary.csv").open(encoding="utf-8", newline="") as file:
+        [failed] = csv.DictReader(file)
+    assert "--fov" in failed["error"]
+    assert failed["error"] in outcome.stderr
 
 
 @pytest.mark.parametrize("options", [(), ("--dry-run",)])
@@ -165,7 +183,7 @@ def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path
     (line,) = outcome.stdout.splitlines()
     assert line.split("\t") == ["a.png", "24 x 20", "24 px, 53.1 degrees, by focal_length", str(masks / "a.png.png")]
     for name, why in (("b.png", "25"), ("deep/a.png", "has no mask"), ("empty.png", "is empty")):
-        assert f"persfs-cl: {name}: " in outcome.stderr
+        assert re.search(rf"persfs-cl: (\S*/)?{re.escape(name)}[: ]", outcome.stderr), outcome.stderr
         assert why in outcome.stderr
     assert "1 would be done" in outcome.stderr
     assert "3 cannot be used" in outcome.stderr
@@ -239,7 +257,7 @@ def test_what_failed_is_told_where_the_page_cannot_be_written(tmp_path: Path) ->
     (tmp_path / "out" / "index.html").mkdir(parents=True)
     outcome = run("batch", tmp_path / "in", "-o", tmp_path / "out", *FLASH)
     assert outcome.status == 1
-    assert "persfs-cl: text.png: " in outcome.stderr
+    assert f"persfs-cl: {tmp_path / 'in' / 'text.png'} " in outcome.stderr
     assert "1 failed." in outcome.stderr
     assert "index.html is not a regular file" in outcome.stderr
 
@@ -351,5 +369,4 @@ def test_a_folder_of_colmap_with_its_cameras_and_masks(tmp_path: Path) -> None:
     (masks / f"{names[1]}.png").unlink()
     outcome = run(*given, "--save", "depth.npy", "--dry-run")
     assert outcome.status == 1
-    assert f"persfs-cl: {names[1]}: " in outcome.stderr
-    assert "has no mask" in outcome.stderr
+    assert f"persfs-cl: {images / names[1]} has no mask" in outcome.stderr

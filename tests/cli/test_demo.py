@@ -24,7 +24,7 @@ def test_a_demo_that_fails_leaves_nothing_behind(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("output", ["", "mine"])
+@pytest.mark.parametrize("output", [".", "mine"])
 def test_a_folder_with_other_things_is_no_demos(output: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine").mkdir()

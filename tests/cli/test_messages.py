@@ -216,6 +216,12 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
     "a name that looks like an option": (("--", "--flash"), 2, ("--flash is too much",)),
     "a flag with no": (("--falloff", "no"), 2, ("--falloff no: --falloff takes no value, give --no-falloff.",)),
     "a flag with false": (("--overwrite", "False"), 2, ("--overwrite takes no value, leave both out.",)),
+    "nothing for a file": (
+        ("--mask", ""),
+        2,
+        ("--mask is empty, as a", "give FILE|auto, or leave --mask out."),
+    ),
+    "nothing after an equals sign": (("--output=",), 2, ("--output is empty", "give DIR.")),
     "a flag with yes": (("--no-falloff", "yes"), 2, ("--no-falloff takes no value, leave yes out.",)),
     "a word for a number": (("--p0=left",), 2, ("'--p0': 'left' is no", "Give 1 for a sun on the left")),
     "a unit by its name": (("--guide-unit=mm",), 2, ("'--guide-unit': 'mm' is no", "0.001 for millimetres")),

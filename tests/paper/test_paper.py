@@ -218,7 +218,7 @@ def test_a_missing_extra_is_named_before_any_work(tmp_path: Path, monkeypatch: p
     only(monkeypatch, {"none": pytest.fail})
     outcome = run("paper", "-o", tmp_path / "out")
     assert outcome.status == 1
-    assert "pip install numba" in outcome.stderr
+    assert "pip install 'persfs-cl[paper]'" in outcome.stderr
     assert not (tmp_path / "out").exists()
 
 

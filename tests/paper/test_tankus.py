@@ -261,5 +261,5 @@ def test_without_numba_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(sys.modules, "numba", None)
     scene = ps.bump((20, 20))
     fast_marching.compiled.cache_clear()
-    with pytest.raises(UnavailableError, match=r"numba cannot be imported.*pip install numba"):
+    with pytest.raises(UnavailableError, match=r"numba cannot be imported.*pip install .persfs-cl\[paper\]"):
         iterations(scene.image, scene.camera)

@@ -274,7 +274,7 @@ def test_what_a_cluster_needs_is_asked_for(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(InputError, match="device='all' means several"):
         batch(tmp_path, tmp_path / "output", device="all", scheduler="here")
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(UnavailableError, match=r"pip install persfs-cl\[cluster\]"):
+    with pytest.raises(UnavailableError, match=r"pip install 'persfs-cl\[cluster\]'"):
         batch(tmp_path, tmp_path / "output", scheduler="here")
 
 
