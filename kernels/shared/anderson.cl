@@ -14,7 +14,7 @@
  * DEPTH  how many differences there are.
  */
 #define SLOTS (DEPTH + 1)
-#define SUMS (2 * DEPTH + 4) /* dF_0 dF_j, F dF_j, F F, dG_0 dG_0, dG_0 dF_0, and max |F| */
+#define SUMS (2 * DEPTH + 5) /* dF_0 dF_j, F dF_j, F F, dG_0 dG_0, dG_0 dF_0, max |F|, and max (G - ceiling) */
 #define IDLE (-1)            /* head of an image that takes no part */
 
 static inline size_t begin_of_slot(const int image, const int head, const int age, const int size)
@@ -65,6 +65,7 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
                            __global const real *base,      /* X, same shape                                 */
                            __global real *residuals,       /* F, shape (images, SLOTS, size)                */
                            __global real *values,          /* G, same shape                                 */
+                           __global const real *ceiling,   /* above the limit, shape (images, size)         */
                            __global real *sums,            /* shape (images, height, SUMS)                  */
                            __global const int *heads,      /* slot that is written, or IDLE; shape (images,) */
                            __global const int *counts,     /* slots before it that count, shape (images,)   */
@@ -85,7 +86,7 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
     number of_steps[DEPTH], of_residual[DEPTH];
     for (int j = 0; j < DEPTH; ++j)
         of_steps[j] = of_residual[j] = 0;
-    number squares = 0, steps = 0, across = 0, largest = 0;
+    number squares = 0, steps = 0, across = 0, largest = 0, rise = 0;
     for (int part = 0; part < parts; ++part) {
         const int2 here = part_of_row(part, parts, stride, first_column, width);
         for (int column = 0; column < here.y; column += LANES) {
@@ -98,6 +99,8 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
             store_first(residuals + newest + at, residual, count);
             squares += residual * residual;
             largest = most(magnitude(residual), largest);
+            const number above = value - LOAD(ceiling + cells + at);
+            rise = most(count < LANES ? only_first(above, count) : above, rise);
             if (differences == 0)
                 continue;
             const number value_step = value - LOAD(values + before + at);
@@ -127,6 +130,7 @@ __kernel void sum_products(__global const real *log_depth, /* G, shape (images, 
     own[2 * DEPTH + 1] = sum_of(steps);
     own[2 * DEPTH + 2] = sum_of(across);
     own[2 * DEPTH + 3] = largest_of(largest);
+    own[2 * DEPTH + 4] = largest_of(rise);
 }
 
 __kernel void mix_values(__global real *log_depth,     /* the next Z, shape (images, size)                  */

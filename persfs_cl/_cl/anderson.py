@@ -17,7 +17,7 @@ from persfs_cl._cl.run import Run
 DEPTH = 5
 """Differences that are mixed."""
 _SLOTS = DEPTH + 1
-_SUMS = 2 * DEPTH + 4
+_SUMS = 2 * DEPTH + 5
 _IDLE = -1
 _LANES = 4
 """Of the sums, on any device: see kernels/shared/anderson.cl."""
@@ -37,6 +37,8 @@ class Products:
         Of the latest difference of G, and of that with the latest of F.
     largest : float
         max |F|.
+    rise : float
+        How far G is above what was noted first, at most.
     """
 
     of_steps: NDArray[np.float64]
@@ -45,18 +47,20 @@ class Products:
     value_squares: float
     across: float
     largest: float
+    rise: float
 
     @classmethod
     def of(cls, rows: NDArray[np.floating]) -> Products:
         """From those of the rows of an image."""
-        sums = rows[:, :-1].sum(axis=0, dtype=np.float64)
+        sums = rows[:, :-2].sum(axis=0, dtype=np.float64)
         return cls(
             of_steps=sums[:DEPTH],
             of_residual=sums[DEPTH : 2 * DEPTH],
             squares=float(sums[2 * DEPTH]),
             value_squares=float(sums[2 * DEPTH + 1]),
             across=float(sums[2 * DEPTH + 2]),
-            largest=float(rows[:, -1].max()),
+            largest=float(rows[:, -2].max()),
+            rise=float(rows[:, -1].max()),
         )
 
 
@@ -75,7 +79,9 @@ class Mixer:
         self._heads = np.zeros(run.images, np.int32)
         self._kept = np.zeros(run.images, np.int32)
         """Launches that the device keeps of each image, the latest not counted."""
-        cells = run.images * layout.size * self._real.itemsize
+        self._bytes = layout.size * self._real.itemsize
+        cells = run.images * self._bytes
+        self._is_new = np.ones(run.images, bool)
         definitions = {"LANES": _LANES, "DEPTH": DEPTH}
         with in_words(device):
             self._sum, self._mix = (
@@ -84,6 +90,7 @@ class Mixer:
             self._values = {
                 **run.values,
                 "base": allocate(device, cells),
+                "ceiling": allocate(device, cells),
                 "residuals": allocate(device, _SLOTS * cells),
                 "values": allocate(device, _SLOTS * cells),
                 "sums": allocate(device, run.images * layout.height * _SUMS * self._real.itemsize),
@@ -97,6 +104,10 @@ class Mixer:
         self._heads[chosen] = (self._heads[chosen] + 1) % _SLOTS
         sums = np.empty((run.images, run.layout.height, _SUMS), self._real)
         with run.device.lock, in_words(run.device):
+            for image in chosen:
+                if self._is_new[image]:
+                    self._copy(run.values["log_depth"], self._values["ceiling"], image)
+            self._is_new[chosen] = False
             self._launch(self._sum, chosen, self._kept)
             cl.enqueue_copy(run.device.queue, sums, self._values["sums"])
         self._kept[chosen] = np.minimum(self._kept[chosen] + 1, DEPTH)
@@ -121,6 +132,17 @@ class Mixer:
             self._launch(self._mix, list(weights), counts)
             # The numbers on the device may be those arrays themselves.
             device.queue.finish()
+
+    def begin_again(self, image: int) -> None:
+        """Bring an image back to what was noted first."""
+        with self._run.device.lock, in_words(self._run.device):
+            self._copy(self._values["ceiling"], self._run.values["log_depth"], image)
+
+    def _copy(self, source: cl.Buffer, goal: cl.Buffer, image: int) -> None:
+        begin = image * self._bytes
+        cl.enqueue_copy(
+            self._run.device.queue, goal, source, byte_count=self._bytes, src_offset=begin, dst_offset=begin
+        )
 
     def _launch(self, launched: Kernel, images: list[int], counts: NDArray[np.int32]) -> None:
         """Queue a kernel for these images."""

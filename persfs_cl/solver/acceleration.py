@@ -2,7 +2,9 @@
 
 After every few iterations, which make G of X, the next values are a mixture of those that were reached before: that of
 which F = G - X is smallest, as if F were linear. The iteration assigns values instead of letting them only fall, so
-that it has the scheme's own limit wherever a mixture lies. A mixture after which F is larger is taken back.
+that it has the scheme's own limit wherever a mixture lies. A mixture after which F is larger is taken back. Where a
+material reflects as it does, slopes that are steeper than any of the surface's can make the iteration rise for ever:
+values above those that the plain iteration had come to, which only fall, have gone astray, and are given up.
 """
 
 from __future__ import annotations
@@ -18,8 +20,11 @@ from persfs_cl._cl.anderson import DEPTH, Products
 ITERATIONS = 4
 """Between two mixtures: these then cost a third of them in memory traffic."""
 
-_FORMED = 1e-2
-"""Change of an iteration below which the surface has taken shape: mixtures of fronts on their way lead astray."""
+_FORMED = 0.3
+"""Change of an iteration, in widths of a pixel at unit distance, below which the surface has taken shape: mixtures of
+fronts on their way lead astray."""
+_ASTRAY = 1.0
+"""The same, above what the plain iteration had come to."""
 _GROWTH = 2.0
 """Of |F| after a mixture that is not taken back."""
 _PATIENCE = 2
@@ -41,6 +46,8 @@ class Acceleration:
     ----------
     rounding : float
         Spacing of the numbers about 1.
+    pixel : float
+        Smaller side of a pixel at unit distance.
 
     Attributes
     ----------
@@ -48,13 +55,16 @@ class Acceleration:
         Estimate of max |Z - limit|, rather too large; NaN as long as there is none.
     gives_up : bool
         Whether mixtures help no more.
+    is_astray : bool
+        Whether values must begin again from what was noted first.
     is_rounding : bool
         Whether what still changes is what rounding makes of it.
     """
 
-    def __init__(self, rounding: float) -> None:
+    def __init__(self, rounding: float, pixel: float) -> None:
         self.distance = math.nan
-        self.gives_up = False
+        self.gives_up = self.is_astray = False
+        self._pixel = pixel
         self._noted = 0
         """Launches that follow each other, of which the device keeps the latest."""
         self._products = np.zeros((0, 0))
@@ -76,11 +86,13 @@ class Acceleration:
         if self._waiting:
             self._waiting -= 1
             return False
-        return self._noted > 0 or change < _FORMED
+        return self._noted > 0 or change < _FORMED * self._pixel
 
     def weights(self, found: Products) -> NDArray[np.float64]:
         """Of the latest differences in the next mixture; none at first."""
         self._noted += 1
+        if not found.rise <= _ASTRAY * self._pixel:
+            return self._given_up()
         size = math.sqrt(found.squares)
         if self._noted <= 2:
             # What was noted first has nothing before it.
@@ -92,6 +104,8 @@ class Acceleration:
         self._in_vain += 1
         if size < self._smallest:
             self._smallest, self._in_vain = size, 0
+        if self._in_vain >= _IN_VAIN and math.isnan(self.distance):
+            return self._given_up()
         self.gives_up = self._in_vain >= _IN_VAIN
         count = min(self._noted - 2, DEPTH)
         self._note(found, count)
@@ -104,6 +118,12 @@ class Acceleration:
         if count == DEPTH:
             self._judge(found, found_weights)
         return found_weights
+
+    def _given_up(self) -> NDArray[np.float64]:
+        """Begin again from what was noted first, which lies above the limit as it is, without mixtures."""
+        self.gives_up = self.is_astray = True
+        self.distance = 0.0
+        return np.zeros(0)
 
     def _taken_back(self) -> NDArray[np.float64]:
         """Go on from what was noted before, and begin anew after a while."""

@@ -65,7 +65,8 @@ class Iteration:
         by_distance = options["acceleration"] and options["stopping"] == "distance"
         accelerated = [place for place, problem in enumerate(problems) if by_distance and problem.accelerates]
         plain = [place for place in range(len(problems)) if place not in accelerated]
-        run._advance(device, kernels, options, callback, accelerated, only_lower=False, accelerated=True)
+        pixels = [min(problems[place].grid.dx, problems[place].grid.dy) for place in accelerated]
+        run._advance(device, kernels, options, callback, accelerated, only_lower=False, pixels=pixels)
         for place in accelerated:
             if run.statuses[place] is Status.MAX_ITERATIONS and len(run.changes[place]) < options["max_iterations"]:
                 run._raise(problems[place], place)
@@ -93,9 +94,9 @@ class Iteration:
         *,
         second_order: bool = False,
         only_lower: bool = True,
-        accelerated: bool = False,
+        pixels: Sequence[float] = (),
     ) -> None:
-        """Iterate some images from where they are."""
+        """Iterate some images from where they are; with mixtures, where the sides of their `pixels` are given."""
         most = options["max_iterations"]
         for place in places:
             self.statuses[place] = Status.MAX_ITERATIONS
@@ -115,7 +116,7 @@ class Iteration:
             second_order=second_order,
             only_lower=only_lower,
             # Mixtures change values between the sweeps.
-            rests=not accelerated,
+            rests=not pixels,
             resting=options["resting"],
         )
         self.build_seconds += time.perf_counter() - began
@@ -129,7 +130,7 @@ class Iteration:
         if sweeper.ordering.drifts:
             stop.resting = self.resting = options["resting"]
         iterations = _Iterations(sweeper, limits, callback, max(done))
-        ends = (_accelerate if accelerated else _iterate)(iterations, sweeper, stop)
+        ends = _accelerate(iterations, sweeper, stop, pixels) if pixels else _iterate(iterations, sweeper, stop)
         self.kernel_seconds += sweeper.kernel_seconds
         sweeper.copy_log_depth(self.images[place].log_depth for place in places)
         for number, place in enumerate(places):
@@ -312,11 +313,14 @@ def _iterate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends:
     return ends
 
 
-def _accelerate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends:
-    """Iterate with mixtures in between, until each image has converged or mixtures help no more."""
+def _accelerate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop, pixels: Sequence[float]) -> _Ends:
+    """Iterate with mixtures in between, until each image has converged or mixtures help no more.
+
+    `pixels` are the smaller sides of the pixels of each image, at unit distance.
+    """
     ends = _Ends.of(sweeper.count)
     mixer = sweeper.mixer()
-    images = [Acceleration(stop.rounding) for _ in range(sweeper.count)]
+    images = [Acceleration(stop.rounding, pixel) for pixel in pixels]
     going = set(range(sweeper.count))
     while going and not iterations.stopped:
         sweeper.go_on(going, 0.0)
@@ -332,7 +336,9 @@ def _accelerate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends
             found = dict(zip(due, mixer.products(due), strict=True))
             mixer.mix({image: images[image].weights(products) for image, products in found.items()})
             for image in due:
-                if images[image].distance <= stop.tolerance or (images[image].is_rounding and stop.tolerance > 0.0):
+                if images[image].is_astray:
+                    mixer.begin_again(image)
+                elif images[image].distance <= stop.tolerance or (images[image].is_rounding and stop.tolerance > 0.0):
                     ends.statuses[image] = Status.CONVERGED
             going -= {image for image in due if images[image].gives_up}
             going = {image for image in going if ends.statuses[image] is not Status.CONVERGED}

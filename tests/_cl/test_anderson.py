@@ -48,6 +48,7 @@ def test_products_and_mixtures_are_those_of_numpy(device: ps.Device, precision: 
     mixer, random = one.mixer(), np.random.default_rng(1)
     images = [0, 2]
     base: dict[int, NDArray[np.float64]] = {}
+    ceiling: dict[int, NDArray[np.float64]] = {}
     values: dict[int, list[NDArray[np.float64]]] = {image: [] for image in images}
     residuals: dict[int, list[NDArray[np.float64]]] = {image: [] for image in images}
     rounding = 50.0 * float(np.finfo(precision).eps)
@@ -58,6 +59,8 @@ def test_products_and_mixtures_are_those_of_numpy(device: ps.Device, precision: 
         weights = {}
         for image, found in zip(images, products, strict=True):
             values[image].insert(0, reached[image])
+            rise = float((reached[image] - ceiling.setdefault(image, reached[image])).max())
+            assert found.rise == pytest.approx(max(rise, 0.0), rel=rounding)
             if launch:
                 residuals[image].insert(0, reached[image] - base[image])
             count = max(0, min(len(residuals[image]) - 1, DEPTH))
@@ -85,6 +88,10 @@ def test_products_and_mixtures_are_those_of_numpy(device: ps.Device, precision: 
             )
             np.testing.assert_allclose(mixed[image], kept[0] - correction, rtol=rounding, atol=rounding)
             base[image] = mixed[image]
+    mixer.begin_again(2)
+    restored = values_of(one)
+    np.testing.assert_array_equal(restored[2], ceiling[2])
+    np.testing.assert_array_equal(restored[0], base[0])
 
 
 def test_what_a_mixture_changes_is_no_change_of_the_next_iteration(device: ps.Device) -> None:
@@ -124,5 +131,7 @@ def test_bits_of_products_do_not_depend_on_the_vectors(device: ps.Device, one: O
             sweeping.run(2)
             products = mixer.products([0, 1, 2])
             mixer.mix({image: np.zeros(0) for image in range(3)})
-        sums.append([(tuple(found.of_steps[:1]), found.squares, found.across, found.largest) for found in products])
+        sums.append(
+            [(tuple(found.of_steps[:1]), found.squares, found.across, found.largest, found.rise) for found in products]
+        )
     assert sums[0] == sums[1]

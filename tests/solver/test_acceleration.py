@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
-from persfs_cl._cl.anderson import DEPTH, Products
+from persfs_cl._cl.anderson import DEPTH, Mixer, Products
 from persfs_cl._cl.sweeper import Sweeper
+from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.acceleration import Acceleration
 
 _LIGHT = ps.ParallelLight(0.3, 0.2)
@@ -41,6 +42,48 @@ def test_the_limit_is_that_of_the_scheme_and_takes_fewer_iterations(name: str, o
     assert apart(plain, accelerated) <= 2e-5
     # A small rough surface takes nearly all of them until it has taken shape.
     assert name == "rough" or accelerated.iterations <= 0.6 * plain.iterations
+
+
+@pytest.mark.parametrize(
+    ("material", "light", "surface"),
+    [
+        (ps.Phong(), ps.ParallelLight(0.15, -0.1), "away"),
+        pytest.param(ps.Phong(), ps.ParallelLight(), "toward", marks=pytest.mark.thorough),
+        pytest.param(ps.OrenNayar(0.3), ps.ParallelLight(0.15, -0.1), "away", marks=pytest.mark.thorough),
+    ],
+    ids=str,
+)
+def test_other_materials_have_the_limit_of_the_plain_iteration(
+    material: Reflectance, light: ps.ParallelLight, surface: Any
+) -> None:
+    """Steep slopes on the way can make values that are assigned rise for ever."""
+    scene = ps.hillside((201, 201), light=light, reflectance=material, surface=surface, relief=0.05, focal_length=603.0)
+    plain, accelerated = (solve(scene, acceleration=acceleration) for acceleration in (False, True))
+    assert plain.status is accelerated.status is ps.Status.CONVERGED
+    assert apart(plain, accelerated) <= 2e-5
+    assert accelerated.iterations < plain.iterations
+
+
+def test_what_goes_astray_begins_again_from_where_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, begun = ps.bump((48, 48)), []
+    usual, weigh = Mixer.begin_again, Acceleration.weights
+
+    def begin_again(self: Mixer, image: int) -> None:
+        usual(self, image)
+        begun.append(image)
+
+    def rising(self: Acceleration, found: Products) -> Any:
+        """All that the last iterations took away, and a thousand times as much."""
+        weights = weigh(self, found)
+        return weights if len(weights) < 2 else np.full(len(weights), 1e3)
+
+    monkeypatch.setattr(Mixer, "begin_again", begin_again)
+    monkeypatch.setattr(Acceleration, "weights", rising)
+    solution = solve(scene)
+    monkeypatch.undo()
+    assert begun == [0]
+    assert solution.status is ps.Status.CONVERGED
+    assert apart(solution, solve(scene, acceleration=False)) <= 2e-5
 
 
 @pytest.mark.quick_where(holds=lambda given: (given["precision"] == "float64") == (given["name"] == "bump"))
@@ -135,12 +178,12 @@ def test_a_callback_is_told_every_iteration_and_stops_it() -> None:
     assert (solution.status, solution.iterations) == (ps.Status.STOPPED, 42)
 
 
-def products(size: float) -> Products:
-    return Products(np.ones(DEPTH), np.ones(DEPTH), size**2, 1.0, 0.0, size)
+def products(size: float, rise: float = 0.0) -> Products:
+    return Products(np.ones(DEPTH), np.ones(DEPTH), size**2, 1.0, 0.0, size, rise)
 
 
 def test_a_mixture_after_which_more_is_left_is_taken_back_and_others_wait() -> None:
-    image = Acceleration(1e-7)
+    image = Acceleration(1e-7, 0.01)
     assert not image.is_due(1.0)
     for size in (1.0, 1.0, 0.9):
         assert image.is_due(1e-3)
@@ -150,8 +193,24 @@ def test_a_mixture_after_which_more_is_left_is_taken_back_and_others_wait() -> N
     assert waits == [False, False, True]
 
 
+@pytest.mark.parametrize("rise", [0.011, np.inf, np.nan])
+def test_values_that_rise_above_what_only_fell_begin_again_from_there(rise: float) -> None:
+    image = Acceleration(1e-7, 0.01)
+    image.weights(products(1.0, 0.0))
+    image.weights(products(1.0, 0.009))
+    assert not image.is_astray
+    image.weights(products(1.0, rise))
+    assert (image.is_astray, image.gives_up, image.distance) == (True, True, 0.0)
+
+
+def test_fronts_on_their_way_are_not_mixed() -> None:
+    assert not Acceleration(1e-7, 0.01).is_due(0.004)
+    assert Acceleration(1e-7, 0.01).is_due(0.002)
+    assert not Acceleration(1e-7, 0.001).is_due(0.002)
+
+
 def test_it_gives_up_where_nothing_is_gained() -> None:
-    image = Acceleration(1e-7)
+    image = Acceleration(1e-7, 0.01)
     launches = 0
     while not image.gives_up:
         image.weights(products(1.0))
@@ -161,7 +220,7 @@ def test_it_gives_up_where_nothing_is_gained() -> None:
 
 
 def test_what_only_rounding_moves_is_at_its_limit() -> None:
-    image = Acceleration(1e-7)
+    image = Acceleration(1e-7, 0.01)
     for size in (1.0, 0.5, 0.3, 0.2, 0.1, 0.06, 0.03, 0.02, 3e-7):
         image.weights(products(size))
     assert not image.is_rounding
