@@ -144,10 +144,10 @@ class Acceleration:
         """What of F the mixture does not take away is a change that shrinks at the slowest rate, at worst."""
         rate = max(self._rates)
         shrinks = rate < 1.0
-        if shrinks:
-            self._slowest = rate
-        # Of values that only rounding moves, differences have any rate.
         small = found.largest <= ITERATIONS * self._rounding
+        # Of values that only rounding moves, differences have any rate.
+        if shrinks and not (small and self._slowest):
+            self._slowest = rate
         self.is_rounding = small and (not shrinks or self._in_vain >= _IN_VAIN // 4)
         share = 1.0 - float(weights @ found.of_residual[: len(weights)]) / found.squares if found.squares else 0.0
         left = found.largest * max(_LEAST_LEFT, math.sqrt(max(0.0, share)))
