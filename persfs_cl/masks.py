@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks, row_blocks
 
 # Bits of a cell's flags; kernels/shared/prelude.cl gives them the same values.
 SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16
@@ -133,11 +133,14 @@ def straight_steps_from(seeds: Mask) -> Steps:
             np.add(before, 1, out=following)
             np.minimum(line, following, out=line)
     columns = np.arange(width, dtype=kind)
-    for rows in row_blocks(seeds.shape):
+
+    def along_rows(rows: slice) -> None:
         for part in (steps[rows], steps[rows, ::-1]):
             np.subtract(part, columns, out=part)
             np.minimum.accumulate(part, axis=1, out=part)
             np.add(part, columns, out=part)
+
+    in_row_blocks(along_rows, steps.shape)
     return steps
 
 
