@@ -221,6 +221,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
         2,
         ("--mask is empty, as a", "give FILE|auto, or leave --mask out."),
     ),
+    "nothing for the photo": (("--falloff", ""), 2, ("An argument is empty, as a variable", "give PHOTO.")),
     "nothing after an equals sign": (("--output=",), 2, ("--output is empty", "give DIR.")),
     "a flag with yes": (("--no-falloff", "yes"), 2, ("--no-falloff takes no value, leave yes out.",)),
     "a word for a number": (("--p0=left",), 2, ("'--p0': 'left' is no", "Give 1 for a sun on the left")),
