@@ -45,7 +45,7 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.settings import MayBePath
-from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
+from persfs_cl.cli.spelling import WrongOption, in_a_line, source_of_camera, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
@@ -345,7 +345,8 @@ def _look(whole: Batch, spell: Spelling) -> None:
                     warnings.add(name, path, text)
                 usable, pixels = usable + 1, pixels + found.megapixels
                 height, width = found.size
-                camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
+                source = source_of_camera(found.camera_source)
+                camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {source}"
                 mask = one.job.mask or "no mask"
                 typer.echo(f"{name}\t{width} x {height}\t{camera}\t{mask}")
         if error is not None:

@@ -105,6 +105,19 @@ def spelling(parameters: Iterable[Any]) -> Spelling:
     )
 
 
+def source_of_camera(source: str) -> str:
+    """What told the focal length, `source` of a report, as a reader of the command knows it.
+
+    Examples
+    --------
+    >>> from persfs_cl.cli.spelling import source_of_camera
+    >>> source_of_camera("focal_length"), source_of_camera("fov of table.csv"), source_of_camera("EXIF FocalLength")
+    ('--focal-length', 'table.csv', 'EXIF FocalLength')
+    """
+    name, _, table = source.partition(" of ")
+    return source if source.startswith("EXIF") else table or f"--{name.replace('_', '-')}"
+
+
 def in_a_line(message: Warning | Exception | str, spell: Spelling) -> str:
     """The same where many are listed, each on a line."""
     return " ".join(spelled(message, spell).splitlines())
