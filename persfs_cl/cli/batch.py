@@ -75,6 +75,8 @@ def _scheduler(text: str) -> str | Path:
 
 
 _INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
+_FOLDERS = {"mask": "masks", "guide": "guides"}
+"""What is one for all photos or, by another option, in a folder with one for each."""
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
@@ -260,7 +262,10 @@ def batch(
         reflectance=reflectance,
         keywords=keywords,
         saving=saving,
-        spelling=spelling(ctx.command.params),
+        spelling=spelling(
+            ctx.command.params,
+            instead={one: all_of_them for one, all_of_them in _FOLDERS.items() if ctx.params[all_of_them] is not None},
+        ),
     )
     plan.require_files()
     if not output:

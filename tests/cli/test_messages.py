@@ -275,6 +275,12 @@ def test_keywords_become_options(message: str) -> None:
     assert ps.InputError(message).worded(spell) == SPELLINGS[message]
 
 
+def test_what_a_folder_holds_is_named_by_the_option_of_the_folder() -> None:
+    spell = spelling(_command("batch").params, instead={"guide": "guides"})
+    text = f"{keyword('guide')} holds -1: see {keyword('guide_scale', 'fit')} and {keyword('mask')}"
+    assert ps.InputError(text).worded(spell) == "--guides holds -1: see --guide-scale fit and --mask"
+
+
 def test_a_file_whose_name_looks_like_a_keyword_keeps_it(tmp_path: Path) -> None:
     name = "known_depth light=FlashLight() scheme='upwind'.png"
     outcome = run("reconstruct", tmp_path / name, "-o", tmp_path / "out", *FOCAL)
