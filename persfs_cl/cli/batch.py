@@ -45,7 +45,7 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.settings import MayBePath
-from persfs_cl.cli.spelling import WrongOption, in_a_line, spelling
+from persfs_cl.cli.spelling import WrongOption, in_a_line, source_of_camera, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import InputError, PersfsError
 from persfs_cl.io.video import frame_slice
@@ -75,6 +75,8 @@ def _scheduler(text: str) -> str | Path:
 
 
 _INPUTS, _REGION, _AGAIN, _WORK = "Inputs", "Region and known values", "Running again", "Work"
+_FOLDERS = {"mask": "masks", "guide": "guides"}
+"""What is one for all photos or, by another option, in a folder with one for each."""
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
@@ -260,7 +262,10 @@ def batch(
         reflectance=reflectance,
         keywords=keywords,
         saving=saving,
-        spelling=spelling(ctx.command.params),
+        spelling=spelling(
+            ctx.command.params,
+            instead={one: all_of_them for one, all_of_them in _FOLDERS.items() if ctx.params[all_of_them] is not None},
+        ),
     )
     plan.require_files()
     if not output:
@@ -345,7 +350,8 @@ def _look(whole: Batch, spell: Spelling) -> None:
                     warnings.add(name, path, text)
                 usable, pixels = usable + 1, pixels + found.megapixels
                 height, width = found.size
-                camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {found.camera_source}"
+                source = source_of_camera(found.camera_source)
+                camera = f"{found.camera.fx:.6g} px, {found.horizontal_view:.3g} degrees, by {source}"
                 mask = one.job.mask or "no mask"
                 typer.echo(f"{name}\t{width} x {height}\t{camera}\t{mask}")
         if error is not None:

@@ -101,7 +101,7 @@ def calibrate(
     """
     if len(files) % 2:
         raise typer.BadParameter(
-            f"{len(files)} files are no pairs: give each photo, and after it its truth.",
+            f"an odd number of files, {len(files)}, makes no pairs: give each photo, and after it its truth.",
             param_hint="'PHOTO TRUTH...'",
         )
     if brightness.normalise is not None or brightness.white_percentile is not None:

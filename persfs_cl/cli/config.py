@@ -38,6 +38,8 @@ _ALTERNATIVES = (
 )
 """Options that say one thing in several ways: what is given sets the others aside that stood in an earlier place."""
 
+_UNSET = ", as a variable that is not set leaves it"
+
 _LARGEST = 2**20
 """Bytes of a file; a photo that is given by mistake has more."""
 
@@ -147,12 +149,17 @@ class ConfiguredCommand(TyperCommand):
         # What follows is no option, whatever it looks like.
         args = args[: args.index("--")] if "--" in args else args
         names = {name: each for each in self.params for name in (*each.opts, *each.secondary_opts)}
-        joined = [tuple(each.split("=", 1)) for each in args if each.startswith("--") and "=" in each]
-        for name, word in (*pairwise(args), *joined):
-            if not word and name in names and not getattr(names[name], "is_flag", False):
+        valued = {name for name, each in names.items() if not getattr(each, "is_flag", False)}
+        after = [name for name, word in pairwise(["", *args]) if not word]
+        joined = [each.removesuffix("=") for each in args if each.startswith("--") and each.endswith("=")]
+        for name in (*after, *joined):
+            if name in valued:
                 what = names[name].metavar or "a value"
                 remedy = what if names[name].required else f"{what}, or leave {name} out"
-                return f"{name} is empty, as a variable that is not set leaves it: give {remedy}."
+                return f"{name} is empty{_UNSET}: give {remedy}."
+        taken = self._arguments().rstrip(".")
+        if taken and any(name in names or "=" in name or not name.startswith("-") for name in after):
+            return f"An argument is empty{_UNSET}: give {taken}."
         for name, word in pairwise(args):
             if not getattr(names.get(name), "is_flag", False) or word.lower() not in _ON + _OFF or Path(word).exists():
                 continue
@@ -175,11 +182,13 @@ class ConfiguredCommand(TyperCommand):
         # What is said of other words is of use after the name of their option alone.
         return meant_by("light", word).strip() or None if any(one.parameter == "light" for one in settings) else None
 
+    def _arguments(self) -> str:
+        return " ".join(each.metavar or "" for each in self.params if each.param_type_name == "argument")
+
     def _why_too_many(self, extra: list[str]) -> str:
-        taken = " ".join(each.metavar or "" for each in self.params if each.param_type_name == "argument")
         text = (
-            f"{' '.join(extra)} is too much: 'persfs-cl {self.name}' takes {taken or 'options alone'}. A name with "
-            "spaces goes in quotes."
+            f"{' '.join(extra)} is too much: 'persfs-cl {self.name}' takes {self._arguments() or 'options alone'}. A "
+            "name with spaces goes in quotes."
         )
         return f"{text} For several photos there is 'persfs-cl batch'." if self.name == "reconstruct" else text
 

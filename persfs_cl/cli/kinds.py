@@ -52,8 +52,8 @@ def kind_chooser(
             if name not in (owners := numbers[field].owners):
                 # Nobody types the default.
                 verb, needed = "add" if name == usual else "give", f"--{option} {' or '.join(owners)}"
-                message = f"goes with {needed}, not {name}: {verb} {needed}, or leave it out."
-                raise typer.BadParameter(message, param_hint=numbers[field].hint)
+                message = f"it goes with {needed}, not {name}: {verb} {needed}, or leave it out."
+                raise typer.BadParameter(message, param_hint=f"'{numbers[field].hint}'")
         for field, number in numbers.items():
             if number.needed_by(name) and field not in given:
                 message = f"{name} needs it: {number.about('help')}"

@@ -50,7 +50,7 @@ from persfs_cl.cli.output import (
     chosen_saving,
 )
 from persfs_cl.cli.progress import progress_line, writing
-from persfs_cl.cli.spelling import spelling
+from persfs_cl.cli.spelling import source_of_camera, spelling
 from persfs_cl.cli.status import INPUT_FAILED, INTERRUPTED
 from persfs_cl.errors import spelled
 from persfs_cl.guide.fit import GuideFit
@@ -288,16 +288,13 @@ def _summary(result: PhotoSolution, files: Collection[str]) -> str:
         "filtered": said["mean_filter"] > 1,
     }
     prepared = ", ".join(step for step, done in steps.items() if done)
-    source = camera["source"]
-    name, _, table = source.partition(" of ")
-    told_by = source if source.startswith("EXIF") else table or f"--{name.replace('_', '-')}"
     text = (
         f"{solution.status.name} after {solution.iterations} iteration{'s' * (solution.iterations != 1)} in "
         f"{solution.elapsed.total:.2f} s on {solution.device.name}. {solution.status.value}\n"
         f"{_distance(solution.distance)}"
         f"{_mask(said, files)}"
-        f"Focal length {solution.camera.fx:.6g} pixels, by {told_by}: {camera['horizontal_view']:.3g} degrees "
-        "from left to right.\n"
+        f"Focal length {solution.camera.fx:.6g} pixels, by {source_of_camera(camera['source'])}: "
+        f"{camera['horizontal_view']:.3g} degrees from left to right.\n"
         "Re-rendered, the surface differs, in grey levels (0 to 255),\n"
     )
     if prepared:

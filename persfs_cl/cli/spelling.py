@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import typer
@@ -88,21 +89,35 @@ class _OptionNames:
         return f"{option.name} {mention.typed or _KINDS.get(mention.kind, '')}".rstrip()
 
 
-def spelling(parameters: Iterable[Any]) -> Spelling:
+def spelling(parameters: Iterable[Any], *, instead: Mapping[str, str] = MappingProxyType({})) -> Spelling:
     """How a command spells keywords: `scheme='upwind'` as `--scheme upwind`; those that it lacks as Python does.
 
     Parameters
     ----------
     parameters : iterable
         Those of the command.
+    instead : mapping, optional
+        Keywords that were given by another option, such as guides by a folder of them, with the keyword of that.
     """
-    return _OptionNames(
-        {
-            each.name: _Option(each.opts[0], next(iter(each.secondary_opts), ""), _UNKNOWN in (each.metavar or ""))
-            for each in parameters
-            if each.param_type_name == "option"
-        }
-    )
+    options = {
+        each.name: _Option(each.opts[0], next(iter(each.secondary_opts), ""), _UNKNOWN in (each.metavar or ""))
+        for each in parameters
+        if each.param_type_name == "option"
+    }
+    return _OptionNames({**options, **{name: options[given] for name, given in instead.items()}})
+
+
+def source_of_camera(source: str) -> str:
+    """What told the focal length, `source` of a report, as a reader of the command knows it.
+
+    Examples
+    --------
+    >>> from persfs_cl.cli.spelling import source_of_camera
+    >>> source_of_camera("focal_length"), source_of_camera("fov of table.csv"), source_of_camera("EXIF FocalLength")
+    ('--focal-length', 'table.csv', 'EXIF FocalLength')
+    """
+    name, _, table = source.partition(" of ")
+    return source if source.startswith("EXIF") else table or f"--{name.replace('_', '-')}"
 
 
 def in_a_line(message: Warning | Exception | str, spell: Spelling) -> str:

@@ -42,7 +42,8 @@ _COLUMNS: Mapping[str, Callable[[_Record], Any]] = {
     "height": _entry("size", 0),
     "width": _entry("size", 1),
     "converged": _entry("converged"),
-    "iterations": _entry("iterations"),
+    # A photograph that failed had none, whatever number its record begins with.
+    "iterations": lambda record: record.get("iterations") if record.get("converged") else None,
     **{
         name: _entry("figures", name)
         for name in (

@@ -66,8 +66,11 @@ def as_path(path: FilePath) -> Path:
     Raises
     ------
     InputError
-        When it is no text and nothing that stands for a path, such as a number.
+        When it is no text and nothing that stands for a path, such as a number, or an empty text, which pathlib takes
+        for the current folder.
     """
+    if path == "":
+        raise InputError("'' is no path: it is empty. Give a name, or '.' for the current folder.")
     try:
         return Path(path)
     except TypeError as error:

@@ -162,7 +162,10 @@ def compare_points(estimate: ArrayLike, truth: ArrayLike, *, scale: bool = True)
     estimated, true = np.asarray(estimate, dtype=np.float64), np.asarray(truth, dtype=np.float64)
     compared = ~(np.isnan(estimated) | np.isnan(true))
     if not compared.any():
-        raise InputError(f"none of {true.size} points can be compared: the estimate has no depth at any of them.")
+        raise InputError(
+            f"none of {true.size} points can be compared: the estimate has no depth at any of them. Give points by the "
+            "columns and rows of its pixels."
+        )
     estimated, true = estimated[compared], true[compared]
     for values in (estimated, true):
         if not (values.min() >= NEAREST and values.max() <= FARTHEST):

@@ -34,6 +34,9 @@ from persfs_cl.surface.saving import DEFAULT_MESH_FACES, Saving
 from persfs_cl.surface.solid import Block
 from persfs_cl.wording import nearest
 
+_OF_CAMERAS = ("focal_length", "fov", "principal_point", "distortion")
+"""What messages say of cameras, which is told by a Camera here."""
+
 
 def batch(
     inputs: FilePath | Iterable[FilePath],
@@ -157,6 +160,11 @@ def batch(
     brightness = Brightness(**{name: keywords.pop(name) for name in list(keywords) if name in own})
     if keywords:
         unknown = next(iter(keywords))
+        if unknown in _OF_CAMERAS:
+            raise TypeError(
+                f"There is no keyword argument {unknown!r}: give camera=Camera(...), or one by "
+                "Camera.from_fov(degrees, shape)."
+            )
         near = nearest(unknown, [*inspect.signature(batch).parameters, *DESCRIBED, *own])
         raise TypeError(f"There is no keyword argument {unknown!r}{'.' if near is None else f': did you mean {near}?'}")
     check_choice("again", again, get_args(Again))

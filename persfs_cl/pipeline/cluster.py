@@ -137,6 +137,13 @@ def _connected(scheduler: str) -> Client:
     from distributed import Client
 
     is_file = Path(scheduler).is_file()
+    if not is_file and ":" not in scheduler:
+        raise InputError.about(
+            "scheduler",
+            scheduler,
+            "is no file, and no address such as tcp://head:8786: start 'dask scheduler', and give the address that it "
+            "prints, or the file of its --scheduler-file.",
+        )
     try:
         # The program may have a client of its own, which stays the one that Dask takes by default.
         return Client(

@@ -118,13 +118,13 @@ def list_inputs(
     lister = _Lister(output, masks, read_stdin, video.frame_slice(frames))
     for path in paths:
         # Not through a Path where it is a text, which would lose what is odd about it.
-        lister.add(path if isinstance(path, str) else str(as_path(path)))
+        lister.add(path if isinstance(path, str) and path else str(as_path(path)))
     if frames is not None and lister.found and not lister.videos:
         raise InputError.about(
             "frames",
             frames,
             "chooses frames of videos, and none is given: name videos by their paths or a pattern, for those in "
-            "folders are left out, or leave it away.",
+            "folders are left out, or leave it out.",
         )
     return lister.listing()
 

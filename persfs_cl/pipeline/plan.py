@@ -144,7 +144,7 @@ class Plan:
     def parameters(self) -> dict[str, Any]:
         """All of it, as plain values for people to read."""
         return {
-            "camera": _plain(self.camera),
+            "camera": _plain(vars(self.camera)),
             "cameras": None if self.cameras is None else str(self.cameras.path),
             **{
                 name: _plain(getattr(self, name))
@@ -153,7 +153,7 @@ class Plan:
             "guide": None if self.guide is None else str(self.guide.path),
             "guide_unit": self.guide_unit if self.guide is None else self.guide.unit,
             "size": self.size,
-            "brightness": _plain(self.brightness),
+            "brightness": _plain(vars(self.brightness)),
             "light": _plain(self.light),
             "reflectance": _plain(self.reflectance),
             **{name: value for name, value in self._completed().items() if name not in ("light", "reflectance")},

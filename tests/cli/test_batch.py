@@ -181,7 +181,7 @@ def test_dry_run_says_what_would_be_done_and_does_nothing(photos: Path, tmp_path
     outcome = run("batch", given, "-o", output, "--masks", masks, *FLASH, "--dry-run")
     assert outcome.status == 1
     (line,) = outcome.stdout.splitlines()
-    assert line.split("\t") == ["a.png", "24 x 20", "24 px, 53.1 degrees, by focal_length", str(masks / "a.png.png")]
+    assert line.split("\t") == ["a.png", "24 x 20", "24 px, 53.1 degrees, by --focal-length", str(masks / "a.png.png")]
     for name, why in (("b.png", "25"), ("deep/a.png", "has no mask"), ("empty.png", "is empty")):
         assert re.search(rf"persfs-cl: (\S*/)?{re.escape(name)}[: ]", outcome.stderr), outcome.stderr
         assert why in outcome.stderr

@@ -116,7 +116,7 @@ def test_what_it_begins_with_can_stand_in_a_file(flash: tuple[Path, Path, float]
 
 
 WRONG: dict[str, tuple[tuple[str, ...], str]] = {
-    "no pairs": (("b.png",), "3 files are no pairs: give each photo, and after it its truth"),
+    "no pairs": (("b.png",), "an odd number of files, 3, makes no pairs: give each photo, and after it its truth"),
     "a word": (("--fit=lump",), "'--fit': --fit lump is nothing that can be fitted. Is it lamp? Give some of gain"),
     "another light": (("--fit=lamp",), "give --light flash, or fit direction. Taken are --light parallel"),
     "normalised": (("--normalise=grey",), "'--normalise' / '--white-percentile': a calibration is by linear light"),

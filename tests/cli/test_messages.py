@@ -221,6 +221,7 @@ BAD_OPTIONS: dict[str, tuple[tuple[str, ...], int, tuple[str, ...]]] = {
         2,
         ("--mask is empty, as a", "give FILE|auto, or leave --mask out."),
     ),
+    "nothing for the photo": (("--falloff", ""), 2, ("An argument is empty, as a variable", "give PHOTO.")),
     "nothing after an equals sign": (("--output=",), 2, ("--output is empty", "give DIR.")),
     "a flag with yes": (("--no-falloff", "yes"), 2, ("--no-falloff takes no value, leave yes out.",)),
     "a word for a number": (("--p0=left",), 2, ("'--p0': 'left' is no", "Give 1 for a sun on the left")),
@@ -272,6 +273,12 @@ SPELLINGS = {
 def test_keywords_become_options(message: str) -> None:
     spell = spelling(_command("reconstruct").params)
     assert ps.InputError(message).worded(spell) == SPELLINGS[message]
+
+
+def test_what_a_folder_holds_is_named_by_the_option_of_the_folder() -> None:
+    spell = spelling(_command("batch").params, instead={"guide": "guides"})
+    text = f"{keyword('guide')} holds -1: see {keyword('guide_scale', 'fit')} and {keyword('mask')}"
+    assert ps.InputError(text).worded(spell) == "--guides holds -1: see --guide-scale fit and --mask"
 
 
 def test_a_file_whose_name_looks_like_a_keyword_keeps_it(tmp_path: Path) -> None:

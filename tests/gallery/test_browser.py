@@ -337,6 +337,16 @@ def test_single_image_opens_on_its_relief(browser: Browser, tmp_path: Path) -> N
     assert (np.abs(stage(browser) - first).max(axis=-1) > 40).mean() > 0.1
 
 
+@pytest.mark.parametrize(("path", "shown"), [("/data/one.png", "/data/one.png"), ("one.png", "")])
+def test_path_of_a_single_image_is_shown_where_it_says_more(
+    path: str, shown: str, browser: Browser, tmp_path: Path
+) -> None:
+    write_index(tmp_path, [record("", path=path, files=["report.json"])], title="one.png")
+    browser.visit(tmp_path / "index.html")
+    browser.wait("document.querySelectorAll('#facts dd').length > 3")
+    assert browser.evaluate("document.querySelector('#totals').textContent") == shown
+
+
 @pytest.mark.thorough
 def test_nothing_sticks_out_of_a_window(browser: Browser, folder: Path) -> None:
     outside = (

@@ -61,7 +61,9 @@ def test_a_row_an_image_with_all_that_is_known(tmp_path: Path) -> None:
 def test_failures_have_their_reason_and_else_nothing(tmp_path: Path) -> None:
     (row,) = rows_of(write_summary(tmp_path, [failure("a.png", "it is black.")]))
     assert (row["status"], row["error_kind"], row["error"]) == ("failed", "InputError", "it is black.")
-    assert {row[name] for name in ("height", "solved", "depth_min", "focal_length_x", "seconds_solve")} == {""}
+    assert {
+        row[name] for name in ("height", "iterations", "solved", "depth_min", "focal_length_x", "seconds_solve")
+    } == {""}
 
 
 def test_text_is_quoted_and_numbers_are_not(tmp_path: Path) -> None:

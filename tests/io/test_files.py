@@ -231,6 +231,8 @@ def fill(folder: Path, failure: BaseException | None = None) -> None:
 def test_what_is_no_path_is_refused(use: Callable[[Any], object]) -> None:
     with pytest.raises(InputError, match=r"3 is no path: give a text or a pathlib\.Path"):
         use(3)
+    with pytest.raises(InputError, match=r"'' is no path: it is empty\. Give a name"):
+        use("")
 
 
 def test_a_folder_is_filled_with_all_files_at_once(tmp_path: Path) -> None:

@@ -189,6 +189,16 @@ def test_a_result_that_was_removed_is_made_again(folder: Path, store: FolderStor
     require_whole(store.root, NAMES)
 
 
+def test_parameters_for_people_tell_kinds_only_where_there_are_several() -> None:
+    told = PLAN.parameters()
+    assert [name for name, value in told.items() if isinstance(value, dict) and "kind" in value] == [
+        "light",
+        "reflectance",
+    ]
+    assert told["camera"]["focal_length"] == 30.0
+    assert told["brightness"]["channel"] == "luminance"
+
+
 @pytest.mark.parametrize("before", ["nothing", "failed", "other parameters"])
 def test_a_result_that_its_run_could_not_note_is_taken_as_it_is(before: str, folder: Path, store: FolderStore) -> None:
     if before == "failed":

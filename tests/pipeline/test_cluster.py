@@ -259,11 +259,13 @@ def test_workers_that_cannot_be_used_are_named(
                 list(team.outcomes(tasks(tmp_path, ["a"]), lambda: False))
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense"])
-def test_a_scheduler_that_does_not_answer_is_named(address: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("address", "why"), [("tcp://127.0.0.1:1", "does not answer"), ("nonsense", "is no file, and no address such as")]
+)
+def test_a_scheduler_that_does_not_answer_is_named(address: str, why: str, tmp_path: Path) -> None:
     with (
         dask("dask.config").set({"distributed.comm.timeouts.connect": "200ms"}),
-        pytest.raises(InputError, match=f"scheduler='{address}' does not answer"),
+        pytest.raises(InputError, match=f"scheduler='{address}' {why}"),
     ):
         list(Cluster(address, setting(FolderStore(tmp_path))).outcomes(tasks(tmp_path, ["a"]), lambda: False))
 

@@ -164,6 +164,8 @@ def test_what_cannot_be_used_is_told_by_name_and_the_rest_goes_on(here: Path) ->
         assert part in said
     with pytest.raises(InputError, match="7 is no path"):
         list_inputs([7])  # type: ignore[list-item]
+    with pytest.raises(InputError, match="'' is no path: it is empty"):
+        list_inputs(["a.png", ""])
 
 
 def test_a_folder_that_cannot_be_read_is_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

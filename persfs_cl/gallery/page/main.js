@@ -123,7 +123,9 @@ function totals() {
     const listed = `${figure(records.length)}, ${figure(count("failed"))} of them failed`;
     text += ` · listed here: ${listed}; summary.csv has all`;
   }
-  find("#totals").textContent = single ? records[0].path ?? "" : text;
+  // The title of a single image is its file, of which the path may say no more.
+  if (single) text = records[0].path === about.title ? "" : records[0].path ?? "";
+  find("#totals").textContent = text;
 }
 
 function tools() {
