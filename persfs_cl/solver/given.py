@@ -205,8 +205,8 @@ def check(
     if assumed and scheme.by_energy and not light.determines_depth:
         raise InputError(
             f"Nothing anchors the depth: under {keyword('light', light)} {keyword('scheme', scheme.name)} wants "
-            f"{keyword('known_depth')}, {keyword('guide')} or {keyword('depth_range')}. Give one of them, or "
-            "photograph with a flash that fades.",
+            f"{keyword('known_depth')}, {keyword('guide')} or {keyword('depth_range')}. Give one of them, take "
+            "another scheme, or photograph with a flash that fades.",
             argument="known_depth",
         )
     if depths is not None:

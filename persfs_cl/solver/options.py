@@ -282,7 +282,8 @@ class Options(TypedDict, total=False):
         Option(
             True,
             as_flag,
-            "Whether what the last iterations of lax-friedrichs came to is mixed, which takes a third of them.",
+            "Whether lax-friedrichs goes on from mixtures of what its last iterations came to: of some hundred, that "
+            "saves a third to two thirds.",
         ),
     ]
     max_slope: Annotated[

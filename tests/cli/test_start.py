@@ -66,7 +66,7 @@ def test_help_lists_long_choices_once() -> None:
     assert shown.count("lexicographic") == 1
     # Where the help names all of them, it does so once.
     assert "One of lambertian" not in shown
-    assert "takes a third of them. On by default: --no-acceleration turns it off." in shown
+    assert "saves a third to two thirds. On by default: --no-acceleration turns it off." in shown
 
 
 def test_module_starts_without_what_help_does_not_need() -> None:
