@@ -182,7 +182,11 @@ class Model(ABC):
     in_rounds : bool
         Whether the equation has not all of the light: the image is corrected by what the surface found says of the rest
         and solved again, see :mod:`persfs_cl.solver.rounds`.
+    exact_argmin : bool
+        Whether the kernels have the very slope at which H is least, so that a state constraint is monotone.
     """
+
+    exact_argmin: ClassVar[bool] = True
 
     light: Light
     reflectance: Reflectance

@@ -226,6 +226,8 @@ class LevelCosineModel(CosineModel):
 class MaterialModel(_ParallelModel):
     """H(P) = E - R(P): of any material."""
 
+    exact_argmin: ClassVar[bool] = False
+
     def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
         """See :meth:`Model.numbers`."""
         steepness = self._survey(grid)[0]
