@@ -161,6 +161,10 @@ class CosineModel(_ParallelModel):
         """See :meth:`Model.equation`."""
         return ParallelEquation(brightness, x, y, self.light, steepest)
 
+    def read_by_kernels(self, shading: Array) -> Array:
+        """See :meth:`Model.read_by_kernels`: along the light the viscosity is proportional to it."""
+        return self.not_black(shading)
+
     def brightest(self, grid: PixelGrid) -> float:
         """1."""
         return 1.0
