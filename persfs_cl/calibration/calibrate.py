@@ -14,7 +14,7 @@ from persfs_cl._cl.selection import select_device
 from persfs_cl.calibration.evidence import BySurface, ByTruth, Evidence
 from persfs_cl.calibration.pairs import Normals, Pair, pair_of
 from persfs_cl.calibration.parameters import Assumed, parameters_of, usual, words_of
-from persfs_cl.calibration.result import Calibration
+from persfs_cl.calibration.result import Calibration, CalibrationErrors
 from persfs_cl.calibration.search import Progress, Search
 from persfs_cl.calibration.validation import validated
 from persfs_cl.camera import Camera, require_camera
@@ -31,6 +31,9 @@ from persfs_cl.shading.materials import require_reflectance
 from persfs_cl.shading.model import Light
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
+
+_WORSE = 0.1
+"""Share by which a fit must be off that is said to be worse than where it began."""
 
 
 def calibrate(
@@ -100,7 +103,7 @@ def calibrate(
     Warns
     -----
     UserWarning
-        When the fit does not settle.
+        When the fit does not settle, or photographs, or parts of one, contradict each other.
 
     Notes
     -----
@@ -169,6 +172,7 @@ def calibrate(
         )
     best = search.assumed(found.parameters, found.fitted.numbers)
     before, after, parts = validated(search, found, chosen)
+    _warn_of_worse(before, after, parts)
     vignetting = preparation.vignetting if best.vignetting == power else f"cos{best.vignetting:.6f}"
     return Calibration(
         best.light,
@@ -186,6 +190,18 @@ def calibrate(
         parts,
         found.fitted.converged,
     )
+
+
+def _warn_of_worse(before: CalibrationErrors, after: CalibrationErrors, parts: str) -> None:
+    for what in ("depth", "brightness"):
+        was, now = getattr(before, what), getattr(after, what)
+        if was is not None and now is not None and now > max(was, _WORSE):
+            warn(
+                f"Of {parts}, each is explained worse by what was fitted to the others than at the start: {what} is "
+                f"{100 * now:.2g} % off, and was {100 * was:.2g} %. They contradict each other: see that each truth "
+                f"is of its photo, and that all were taken alike, or seek less by {keyword('fit')}."
+            )
+            return
 
 
 def _evidence(pair: Pair, light: Light, device: Device) -> Evidence:

@@ -306,6 +306,10 @@ class HeadlightModel(_LampModel):
         """
         return self.reflectance.facing(image / self.light.known_gain)
 
+    def read_by_kernels(self, shading: Array) -> Array:
+        """See :meth:`Model.read_by_kernels`: the viscosity is proportional to it."""
+        return self.not_black(shading)
+
     def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
         """Every pixel that is as dark as the material at grazing."""
         return np.asarray(solved & (shading <= _BLACK * largest(shading, solved)))

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
+_DARKEST = 1e-30
+"""A cosine that is 0 for all but divisions, of single precision too."""
+
+
 @dataclass(frozen=True)
 class Light(ABC):
     """What every light answers. Its numbers are its dataclass fields; `metadata` of a field describes an option.
@@ -182,7 +186,11 @@ class Model(ABC):
     in_rounds : bool
         Whether the equation has not all of the light: the image is corrected by what the surface found says of the rest
         and solved again, see :mod:`persfs_cl.solver.rounds`.
+    exact_argmin : bool
+        Whether the kernels have the very slope at which H is least, so that a state constraint is monotone.
     """
+
+    exact_argmin: ClassVar[bool] = True
 
     light: Light
     reflectance: Reflectance
@@ -276,6 +284,12 @@ class Model(ABC):
     def read_by_kernels(self, shading: Array) -> Array:
         """What they read in place of the shading: some function of it that each cell would have to compute."""
         return shading
+
+    @staticmethod
+    def not_black(shading: Array) -> Array:
+        """Cosines of which none is 0: where such a cell has no viscosity either, no neighbour weighs anything."""
+        # NaN, of what is not solved, stays.
+        return shading if (shading >= _DARKEST).all() else np.maximum(shading, _DARKEST)
 
     def check_scale(self, image: Array, solved: Mask, grid: PixelGrid) -> None:
         """InputError when image and light put the surface where numbers end, where the image tells the depth."""

@@ -161,6 +161,10 @@ class CosineModel(_ParallelModel):
         """See :meth:`Model.equation`."""
         return ParallelEquation(brightness, x, y, self.light, steepest)
 
+    def read_by_kernels(self, shading: Array) -> Array:
+        """See :meth:`Model.read_by_kernels`: along the light the viscosity is proportional to it."""
+        return self.not_black(shading)
+
     def brightest(self, grid: PixelGrid) -> float:
         """1."""
         return 1.0
@@ -225,6 +229,8 @@ class LevelCosineModel(CosineModel):
 @dataclass(frozen=True)
 class MaterialModel(_ParallelModel):
     """H(P) = E - R(P): of any material."""
+
+    exact_argmin: ClassVar[bool] = False
 
     def numbers(self, grid: PixelGrid, unit: float) -> dict[str, float]:
         """See :meth:`Model.numbers`."""

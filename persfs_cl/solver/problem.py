@@ -83,10 +83,13 @@ class Problem(Given):
         """Whether its limit is the same wherever the iteration begins, so that it may be accelerated.
 
         Under a flash the first values are bounds. Boundary cells only fall, eq. (12): their limit depends on the way.
-        Between bounds of the depth a mixture would lie beyond them.
+        Between bounds of the depth a mixture would lie beyond them. Where a neighbour is missing, and argmin H is only
+        estimated, the scheme is not monotone, and has more than one limit.
         """
         bounded = self.model.light.determines_depth or self.depth_range is not None
-        return self.scheme.accelerates and not bounded and not len(self.domain.boundary.cells)
+        if not self.scheme.accelerates or bounded or len(self.domain.boundary.cells):
+            return False
+        return self.model.exact_argmin or not (self.domain.flags[self.domain.solved] > masks.SWEPT).any()
 
     @property
     def start(self) -> Array:

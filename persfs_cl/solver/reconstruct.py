@@ -161,8 +161,9 @@ def reconstruct(
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
         about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
-        It is without effect with ``stopping="change"``, under a flash with fall-off, with a `depth_range`, and where
-        the boundary flows out or is extrapolated.
+        It is without effect with ``stopping="change"``, under a flash with fall-off, with a `depth_range`, where the
+        boundary flows out or is extrapolated, and, under a parallel light, where a wall bounds a material other than
+        Lambertian.
     max_slope : float, optional
         Bound on |dZ/dx| and |dZ/dy| between neighbouring pixels, along which Z climbs. It matters where the equation
         itself sets none, see `Solution.clamped`, and where the surface is steeper still. 30, a surface seen at 2° from

@@ -253,6 +253,12 @@ def test_errors_of_a_smooth_map_are_no_noise() -> None:
     assert 0.3 < float(np.sqrt(np.mean(np.square(shares)))) < 2.0
 
 
+def test_photographs_that_contradict_each_other_are_told_of() -> None:
+    photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=2.0))
+    with pytest.warns(UserWarning, match="Of 2 photographs, each.*contradict each other"):
+        ps.calibrate([(photo, NEAR), (3.0 * photo, NEAR)], CAMERA, fit="gain")
+
+
 def test_a_fit_that_does_not_settle_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("persfs_cl.calibration.least_squares._MOST_STEPS", 1)
     photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=0.8)) ** 0.7

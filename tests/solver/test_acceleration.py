@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -130,6 +131,22 @@ def test_nothing_is_accelerated_whose_limit_depends_on_the_way() -> None:
         )
         np.testing.assert_array_equal(one.changes, other.changes)
         np.testing.assert_array_equal(one.log_depth, other.log_depth)
+
+
+def test_materials_at_walls_keep_the_limit_that_is_reached_by_falling() -> None:
+    """There argmin H is an estimate, and mixtures end at another limit, 3e-4 away."""
+    light, material = ps.ParallelLight(0.15, -0.1), ps.OrenNayar(1.0)
+    scene = ps.bump((24, 24), light=light, reflectance=material, relief=0.02, noise=0.05)
+    scene = replace(scene, image=np.minimum(0.85 * scene.image, 0.74))
+    row, column = np.indices(scene.image.shape)
+    mask = (column // 7 % 2 == 0) | (row // 9 % 3 == 0)
+    known = np.where(mask, scene.known_depth, np.nan)
+    plain, usual = (
+        solve(scene, mask=mask, known_depth=known, boundary="wall", max_slope=2.0, acceleration=acceleration)
+        for acceleration in (False, True)
+    )
+    assert plain.status is usual.status is ps.Status.CONVERGED
+    assert apart(plain, usual) <= 2e-5
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

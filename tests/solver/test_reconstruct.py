@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -225,6 +226,21 @@ def test_dark_pixels_are_counted_and_never_run_away() -> None:
     climbs = np.diff(solution.log_depth, axis=1)
     assert np.abs(climbs).max() <= 20.0 / 50 * (1 + 1e-5)
     assert solution.log_depth.max() < 3.0
+
+
+@pytest.mark.parametrize("light", [ps.ParallelLight(), ps.FlashLight(falloff=False)], ids=str)
+def test_a_black_pixel_is_solved_as_a_nearly_black_one(
+    device: ps.Device, precision: str, light: ps.ParallelLight | ps.FlashLight
+) -> None:
+    """On the optical axis, where the viscosity of either light is proportional to the brightness."""
+    scene = ps.bump((25, 25), light=light)
+    frame = np.pad(np.full((23, 23), np.nan), 1, constant_values=1.0)
+    black, nearly = scene.image.copy(), scene.image.copy()
+    black[12, 12], nearly[12, 12] = 0.0, 1e-9
+    keywords: dict[str, Any] = {"known_depth": frame, "device": device, "precision": precision}
+    one, other = (solve(replace(scene, image=image), **keywords) for image in (black, nearly))
+    assert one.solved.all()
+    np.testing.assert_allclose(one.log_depth, other.log_depth, atol=1e-6)
 
 
 def test_callback_sees_every_iteration_and_may_stop() -> None:

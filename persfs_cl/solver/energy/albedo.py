@@ -62,7 +62,7 @@ def fit_albedo(
     solved = sought.solved
     least = _DARKEST * float(sought.image[solved].max())
     image = np.log(np.maximum(np.where(solved, sought.image, 1.0), least))
-    log_depth = np.where(np.isnan(sought.known), prior.log_depth, sought.known)
+    log_depth = sought.filled(prior.log_depth)
     start: Array | None = None
     paint = np.where(solved, image - np.log(np.maximum(_shaded(sought, log_depth), least)), 0.0)
     found = Minimum(log_depth)

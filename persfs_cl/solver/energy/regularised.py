@@ -72,6 +72,12 @@ class Sought:
             prior=prior,
         )
 
+    def filled(self, log_depth: Array) -> Array:
+        """What is known, `log_depth` elsewhere, and what lies between them where that is NaN."""
+        first = np.where(np.isnan(self.known), log_depth, self.known)
+        there = ~np.isnan(first)
+        return _filled(first, self.solved & ~there, there)
+
 
 def regularised(
     device: Device,
@@ -105,13 +111,11 @@ def regularised(
     -------
     Minimum
     """
-    known, prior = ~np.isnan(sought.known), sought.prior
+    prior = sought.prior
     if start is None:
         start = np.full(sought.image.shape, np.nan) if prior is None else prior.log_depth
-    first = np.where(known, sought.known, start)
-    there = ~np.isnan(first)
-    first = _filled(first, sought.solved & ~there, there)
-    present = sought.solved | known
+    first = sought.filled(start)
+    present = sought.solved | ~np.isnan(sought.known)
     # Single precision is for the relief.
     level = float(np.median(first[present]))
     light = sought.light.of_unit_gain.in_unit(math.exp(level))

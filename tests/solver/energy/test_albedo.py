@@ -81,6 +81,16 @@ def test_a_guide_tells_paint_from_shape(device: ps.Device) -> None:
     np.testing.assert_allclose(np.median(found.render() / image), 1.0, rtol=0.05)
 
 
+def test_a_guide_need_not_reach_every_pixel() -> None:
+    scene = ps.bump((24, 24), light=ps.FlashLight())
+    guide = np.where(np.arange(24) < 12, scene.depth, np.nan)
+    found = ps.reconstruct(
+        scene.image, scene.camera, light=scene.light, guide=guide, albedo="fit", scheme="regularised"
+    )
+    assert found.status is ps.Status.CONVERGED
+    assert ps.compare(found.depth, scene.depth).mean < 0.01
+
+
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
