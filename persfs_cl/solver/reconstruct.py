@@ -229,7 +229,7 @@ def reconstruct_batch(
     guide: Sequence[ArrayLike | Points | None] | None = None,
     **options: Unpack[Options],
 ) -> list[Solution]:
-    """Reconstruct many images; the same numbers, bit for bit, as one by one.
+    """Reconstruct many images; the same numbers, bit for bit, as one by one, unless `resting` is given.
 
     Images of about one size share launches, some at a time, and while these are solved the next are made ready; an
     image that has converged costs nothing more.

@@ -11,6 +11,7 @@ import numpy as np
 
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array
+from persfs_cl.checks import warn
 from persfs_cl.guide.agreement import noise_of
 from persfs_cl.guide.few import scatter_of
 from persfs_cl.guide.fit import Fitted, slope_of
@@ -26,11 +27,14 @@ from persfs_cl.solver.iterate import Iteration, Watch, stop_at_once
 from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
+from persfs_cl.wording import keyword
 
 _LEAST_OF_RELIEF, _LEAST = 1e-3, 1e-7
 """Tolerance at least, as a share of the relief of the guide, and in ln depth."""
 _AGREE = 2.0
 """Noises by which guide and surface may scatter."""
+_FARTHEST_APART = math.log(1e6)
+"""Depths of a photograph, in ln."""
 _TRIAL = 40
 """Iterations after which the surface tells how far the guide scatters about it."""
 
@@ -55,7 +59,7 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     Warns
     -----
     UserWarning
-        When the scale of a guide contradicts the light.
+        When the scale of a guide contradicts the light, or the surface runs away.
     """
     began = time.perf_counter()
     stopped = watch is not None and watch.stopped
@@ -110,6 +114,12 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
     else:
         left = stopping.max_iterations - (0 if trial is None else len(trial.changes))
         found = regularised(device, sought, replace(stopping, max_iterations=left), start=begin, **keywords)
+    if _has_run_away(found):
+        with about(number):
+            warn(
+                "The surface has run away: do not use it. Too little tells how far it is: give more of "
+                f"{keyword('known_depth')}, {keyword('depth_range')} or {keyword('guide')}, or take another scheme."
+            )
     if watch:
         watch.before = 0
     if trial is not None and found is not trial:
@@ -127,6 +137,12 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
         departure = problem.window.spread(prior.log_depth - surface[0], np.nan)
         told = fitted.outcome(fitted.count, fitted.noise, gain, departure)
     return Attempt(problem, run, surface, None, time.perf_counter() - began, told)
+
+
+def _has_run_away(found: Minimum) -> bool:
+    """Whether its energy is no number, or its depths are farther apart than those of any photograph."""
+    heights = found.log_depth[np.isfinite(found.log_depth)]
+    return not (math.isfinite(sum(found.energies)) and np.ptp(heights) <= _FARTHEST_APART)
 
 
 def _counts(fitted: Fitted, log_depth: Array) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 import persfs_cl as ps
 from persfs_cl.bench.terrain import Terrain, prior_of_blocks
 from persfs_cl.choices import Precision
+from persfs_cl.errors import PersfsWarning
 from persfs_cl.preparation.denoise import noise_of
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.energy.minimise import Minimum, Stopping, estimated_distance
@@ -333,3 +335,17 @@ def test_the_noise_is_found(noise: float) -> None:
     image[:30] = np.nan
     assert noise_of(image, there) == pytest.approx(noise, rel=0.1)
     assert noise_of(image[:2], there[:2]) == 0.0
+
+
+def test_a_surface_that_runs_away_is_told_of() -> None:
+    """Two depths do not hold a shiny surface in an oblique light."""
+    light = ps.ParallelLight(0.4, 0.3)
+    scene = ps.bump((30, 40), light=light, reflectance=ps.Phong(), focal_length=40.0)
+    known = np.full(scene.image.shape, np.nan)
+    known[[4, 25], [9, 30]] = scene.depth[[4, 25], [9, 30]]
+    given = {"light": light, "reflectance": scene.reflectance, "scheme": "regularised", "max_iterations": 40}
+    with pytest.warns(PersfsWarning, match="has run away.*known_depth"):
+        ps.reconstruct(scene.image, scene.camera, known_depth=known, **given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ps.reconstruct(scene.image, scene.camera, known_depth=scene.known_depth, **given)
