@@ -30,8 +30,12 @@ from persfs_cl.solver.options import Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
 
-_SMOOTHNESS = 6.0
-"""Weight of the total variation of the residual, over the pixels from cell to cell."""
+_OF_JUMPS, _OF_SLOPES = 6.0, 2.5
+"""Weight of the total variation of the residual, over the pixels from cell to cell, and over their root.
+
+Whichever is more: the jumps around some cells are the longer the more pixels lie between cells, but steps so small that
+their squares count fall as fast as their number grows, and with the first weight alone are smoothed the less.
+"""
 _MANY = 25
 """Cells. Fewer tell nothing of what lies between them."""
 _PRESSED = 0.37
@@ -137,7 +141,8 @@ class _Guided:
         if agreed.fitted.trusted is not None:
             doubting, agreed = agreed, Agreed.by(alone.problem, agreed.fitted.trusted, surface, options)
         problem, spacing = agreed.problem, agreed.fitted.cells.spacing
-        right, below = (_SMOOTHNESS / spacing * each for each in edge_weights(problem.image, _joined(problem)))
+        smoothness = max(_OF_JUMPS / spacing, _OF_SLOPES / math.sqrt(spacing))
+        right, below = (smoothness * each for each in edge_weights(problem.image, _joined(problem)))
         levels = max(0, math.floor(math.log2(spacing / _SPACING)))
         return cls(agreed, Smoother(device, options["precision"], right, below, levels), agreed.log_depth, doubting)
 
