@@ -343,9 +343,9 @@ def test_a_surface_that_runs_away_is_told_of() -> None:
     scene = ps.bump((30, 40), light=light, reflectance=ps.Phong(), focal_length=40.0)
     known = np.full(scene.image.shape, np.nan)
     known[[4, 25], [9, 30]] = scene.depth[[4, 25], [9, 30]]
-    given = {"light": light, "reflectance": scene.reflectance, "scheme": "regularised", "max_iterations": 40}
+    given: dict[str, Any] = {"light": light, "reflectance": scene.reflectance, "scheme": "regularised"}
     with pytest.warns(PersfsWarning, match="has run away.*known_depth"):
-        ps.reconstruct(scene.image, scene.camera, known_depth=known, **given)
+        ps.reconstruct(scene.image, scene.camera, known_depth=known, max_iterations=40, **given)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        ps.reconstruct(scene.image, scene.camera, known_depth=scene.known_depth, **given)
+        ps.reconstruct(scene.image, scene.camera, known_depth=scene.known_depth, max_iterations=40, **given)
