@@ -69,7 +69,7 @@ def as_path(path: FilePath) -> Path:
         When it is no text and nothing that stands for a path, such as a number, or an empty text, which pathlib takes
         for the current folder.
     """
-    if path == "":
+    if isinstance(path, str) and not path:
         raise InputError("'' is no path: it is empty. Give a name, or '.' for the current folder.")
     try:
         return Path(path)
