@@ -38,7 +38,7 @@ class Products:
     largest : float
         max |F|.
     rise : float
-        How far G is above what was noted first, at most.
+        How far G is above what was noted first, at most; 0 where it is nowhere above.
     """
 
     of_steps: NDArray[np.float64]

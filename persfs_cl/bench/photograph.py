@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -30,9 +31,10 @@ try:
     main()
 finally:
     from persfs_cl.bench.peaks import peak_memory
-    sys.stderr.write(f"\\n{peak_memory()}")
+    sys.stderr.write(f"\\npeak memory {peak_memory()}\\n")
 """
-"""The command, which says at its end how much memory it had: what is told of it afterwards is this process's too."""
+"""The command, which says at its end how much memory it had: what is told of it afterwards holds that of the process
+that started it too."""
 _PHOTOS = {"PNG": ("png", 0.0), "JPEG, with noise": ("jpg", 0.01)}
 """By what they are called, their suffix and the standard deviation of their noise, in shares of the brightness."""
 
@@ -98,11 +100,12 @@ def _command(plan: Plan, photo: Path, output: Path, size: int) -> dict[str, floa
         # So that it does not wait for it again.
         process.returncode = os.waitstatus_to_exitcode(status)
         said.seek(0)
-        text, _, peak = said.read().decode(errors="replace").rpartition("\n")
-        if process.returncode:
+        text = said.read().decode(errors="replace")
+        peak = re.search(r"^peak memory (\d+)$", text, re.MULTILINE)
+        if process.returncode or peak is None:
             raise FreshProcessError(f"persfs-cl {' '.join(command[3:])} failed:\n{text.strip()}")
     return {
         ELAPSED: elapsed,
         PROCESSOR: usage.ru_utime + usage.ru_stime,
-        PEAK: int(peak) / 2**20,
+        PEAK: int(peak[1]) / 2**20,
     }

@@ -33,7 +33,7 @@ from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
 _WORSE = 0.1
-"""Share by which a fit must be off that is said to be worse than where it began."""
+"""Mean error from which on a fit is said to be worse than what it began with."""
 
 
 def calibrate(
@@ -197,9 +197,10 @@ def _warn_of_worse(before: CalibrationErrors, after: CalibrationErrors, parts: s
         was, now = getattr(before, what), getattr(after, what)
         if was is not None and now is not None and now > max(was, _WORSE):
             warn(
-                f"Of {parts}, each is explained worse by what was fitted to the others than at the start: {what} is "
-                f"{100 * now:.2g} % off, and was {100 * was:.2g} %. They contradict each other: see that each truth "
-                f"is of its photo, and that all were taken alike, or seek less by {keyword('fit')}."
+                f"Cross-validated over {parts}, the fit explains the {what} worse than what it began with: "
+                f"{now:.2%} off in place of {was:.2%}. Photographs, or parts of one, contradict each other, or too "
+                "much is sought: see that each truth is of its photo, and that all were taken alike, or seek less by "
+                f"{keyword('fit')}."
             )
             return
 

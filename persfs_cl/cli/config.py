@@ -148,7 +148,8 @@ class ConfiguredCommand(TyperCommand):
         """What helps where a value is empty, a flag has one, or a choice is an option; None where none is seen."""
         # What follows is no option, whatever it looks like.
         args = args[: args.index("--")] if "--" in args else args
-        names = {name: each for each in self.params for name in (*each.opts, *each.secondary_opts)}
+        options = [each for each in self.params if each.param_type_name == "option"]
+        names = {name: each for each in options for name in (*each.opts, *each.secondary_opts)}
         valued = {name for name, each in names.items() if not getattr(each, "is_flag", False)}
         after = [name for name, word in pairwise(["", *args]) if not word]
         joined = [each.removesuffix("=") for each in args if each.startswith("--") and each.endswith("=")]

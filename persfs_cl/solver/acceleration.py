@@ -2,9 +2,11 @@
 
 After every few iterations, which make G of X, the next values are a mixture of those that were reached before: that of
 which F = G - X is smallest, as if F were linear. The iteration assigns values instead of letting them only fall, so
-that it has the scheme's own limit wherever a mixture lies. A mixture after which F is larger is taken back. Where a
-material reflects as it does, slopes that are steeper than any of the surface's can make the iteration rise for ever:
-values above those that the plain iteration had come to, which only fall, have gone astray, and are given up.
+that it has the scheme's own limit wherever a mixture lies. A mixture after which F is larger is taken back.
+
+Of materials that are not Lambertian, slopes much steeper than the surface's can make assigned values rise for ever.
+Until the first mixture values only fall: what comes to lie more than the width of a pixel above what they had come to
+has gone astray, and begins again from there.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ _FORMED = 0.3
 """Change of an iteration, in widths of a pixel at unit distance, below which the surface has taken shape: mixtures of
 fronts on their way lead astray."""
 _ASTRAY = 1.0
-"""The same, above what the plain iteration had come to."""
+"""Rise above what was noted first, in the same widths, from which on values have gone astray."""
 _GROWTH = 2.0
 """Of |F| after a mixture that is not taken back."""
 _PATIENCE = 2
@@ -52,7 +54,8 @@ class Acceleration:
     Attributes
     ----------
     distance : float
-        Estimate of max |Z - limit|, rather too large; NaN as long as there is none.
+        Estimate of max |Z - limit|, rather too large; NaN as long as there is none, and 0 once values begin again from
+        above the limit.
     gives_up : bool
         Whether mixtures help no more.
     is_astray : bool
@@ -91,7 +94,7 @@ class Acceleration:
     def weights(self, found: Products) -> NDArray[np.float64]:
         """Of the latest differences in the next mixture; none at first."""
         self._noted += 1
-        if not found.rise <= _ASTRAY * self._pixel:
+        if not (math.isfinite(found.squares) and found.rise <= _ASTRAY * self._pixel):
             return self._given_up()
         size = math.sqrt(found.squares)
         if self._noted <= 2:
@@ -104,8 +107,6 @@ class Acceleration:
         self._in_vain += 1
         if size < self._smallest:
             self._smallest, self._in_vain = size, 0
-        if self._in_vain >= _IN_VAIN and math.isnan(self.distance):
-            return self._given_up()
         self.gives_up = self._in_vain >= _IN_VAIN
         count = min(self._noted - 2, DEPTH)
         self._note(found, count)
@@ -117,7 +118,8 @@ class Acceleration:
         # With fewer differences it may not have been seen yet what shrinks slowly.
         if count == DEPTH:
             self._judge(found, found_weights)
-        return found_weights
+        # Nobody could tell how far above the limit values would have to be put.
+        return self._given_up() if self.gives_up and math.isnan(self.distance) else found_weights
 
     def _given_up(self) -> NDArray[np.float64]:
         """Begin again from what was noted first, which lies above the limit as it is, without mixtures."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ class Iteration:
         by_distance = options["acceleration"] and options["stopping"] == "distance"
         accelerated = [place for place, problem in enumerate(problems) if by_distance and problem.accelerates]
         plain = [place for place in range(len(problems)) if place not in accelerated]
-        pixels = [min(problems[place].grid.dx, problems[place].grid.dy) for place in accelerated]
+        pixels = {place: min(problems[place].grid.dx, problems[place].grid.dy) for place in accelerated}
         run._advance(device, kernels, options, callback, accelerated, only_lower=False, pixels=pixels)
         for place in accelerated:
             if run.statuses[place] is Status.MAX_ITERATIONS and len(run.changes[place]) < options["max_iterations"]:
@@ -94,9 +95,9 @@ class Iteration:
         *,
         second_order: bool = False,
         only_lower: bool = True,
-        pixels: Sequence[float] = (),
+        pixels: Mapping[int, float] = MappingProxyType({}),
     ) -> None:
-        """Iterate some images from where they are; with mixtures, where the sides of their `pixels` are given."""
+        """Iterate some images from where they are; with mixtures, where sides of the `pixels` of each are given."""
         most = options["max_iterations"]
         for place in places:
             self.statuses[place] = Status.MAX_ITERATIONS
@@ -130,7 +131,10 @@ class Iteration:
         if sweeper.ordering.drifts:
             stop.resting = self.resting = options["resting"]
         iterations = _Iterations(sweeper, limits, callback, max(done))
-        ends = _accelerate(iterations, sweeper, stop, pixels) if pixels else _iterate(iterations, sweeper, stop)
+        if pixels:
+            ends = _accelerate(iterations, sweeper, stop, [pixels[place] for place in places])
+        else:
+            ends = _iterate(iterations, sweeper, stop)
         self.kernel_seconds += sweeper.kernel_seconds
         sweeper.copy_log_depth(self.images[place].log_depth for place in places)
         for number, place in enumerate(places):
@@ -140,12 +144,7 @@ class Iteration:
 
     def _raise(self, problem: Problem, place: int) -> None:
         """Put an image above its limit, whatever mixtures have made of it, so that values that only fall reach that."""
-        margin = _MARGIN * self.distances[place]
-        values = self.images[place].log_depth
-        if math.isfinite(margin):
-            values[problem.domain.solved] += margin
-        else:
-            values[:] = problem.start
+        self.images[place].log_depth[problem.domain.solved] += _MARGIN * self.distances[place]
 
     def surfaces(self, problems: Sequence[Problem]) -> list[LogDepthAndDepth]:
         """Log depth, in the place of the values, and depth of each image."""

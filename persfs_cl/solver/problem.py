@@ -83,13 +83,14 @@ class Problem(Given):
         """Whether its limit is the same wherever the iteration begins, so that it may be accelerated.
 
         Under a flash the first values are bounds. Boundary cells only fall, eq. (12): their limit depends on the way.
-        Between bounds of the depth a mixture would lie beyond them. Where a neighbour is missing, and argmin H is only
-        estimated, the scheme is not monotone, and has more than one limit.
+        Between bounds of the depth a mixture would lie beyond them. Where a neighbour is missing and the model only
+        estimates argmin H, the scheme is not monotone, and has more than one limit.
         """
         bounded = self.model.light.determines_depth or self.depth_range is not None
         if not self.scheme.accelerates or bounded or len(self.domain.boundary.cells):
             return False
-        return self.model.exact_argmin or not (self.domain.flags[self.domain.solved] > masks.SWEPT).any()
+        beside_nothing = masks.NO_LEFT | masks.NO_RIGHT | masks.NO_UP | masks.NO_DOWN
+        return self.model.exact_argmin or not (self.domain.flags[self.domain.solved] & beside_nothing).any()
 
     @property
     def start(self) -> Array:

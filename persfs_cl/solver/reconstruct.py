@@ -160,8 +160,8 @@ def reconstruct(
         0; `parameters["resting"]` of the :class:`Solution` says which it was.
     acceleration : bool
         Mix what the last iterations of the Lax-Friedrichs scheme came to (Anderson acceleration): the same limit after
-        about a third of the iterations. False keeps every iterate as the scheme makes it, so that values only fall.
-        It is without effect with ``stopping="change"``, under a flash with fall-off, with a `depth_range`, where the
+        a third to two thirds of the iterations. False keeps every iterate as the scheme makes it: values only fall. It
+        is without effect with ``stopping="change"``, under a flash with fall-off, with a `depth_range`, where the
         boundary flows out or is extrapolated, and, under a parallel light, where a wall bounds a material other than
         Lambertian.
     max_slope : float, optional

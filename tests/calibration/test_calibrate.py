@@ -255,7 +255,7 @@ def test_errors_of_a_smooth_map_are_no_noise() -> None:
 
 def test_photographs_that_contradict_each_other_are_told_of() -> None:
     photo = ps.render(NEAR, CAMERA, light=ps.FlashLight(gain=2.0))
-    with pytest.warns(UserWarning, match="Of 2 photographs, each.*contradict each other"):
+    with pytest.warns(UserWarning, match=r"over 2 photographs.* \d+\.\d\d% off in place of \d.*contradict"):
         ps.calibrate([(photo, NEAR), (3.0 * photo, NEAR)], CAMERA, fit="gain")
 
 

@@ -136,6 +136,11 @@ def test_what_cannot_be_sent_is_a_clear_error(tmp_path: Path) -> None:
         ps.batch(tmp_path / "in", camera=CAMERA, throw=True)
 
 
+def test_what_a_camera_says_is_no_keyword_of_a_batch(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match=r"argument 'fov': give camera=Camera\(\.\.\.\), or one by Camera\.from_fov"):
+        ps.batch(tmp_path, fov=50.0)
+
+
 EARLY = """
 import sys
 import persfs_cl as ps
@@ -149,11 +154,6 @@ sys.stdin.read()
 
 @LINUX
 @pytest.mark.usefixtures("in_this_process")
-def test_what_a_camera_says_is_no_keyword_of_a_batch(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match=r"argument 'fov': give camera=Camera\(\.\.\.\), or one by Camera\.from_fov"):
-        ps.batch(tmp_path, fov=50.0)
-
-
 def test_a_loop_that_ends_early_leaves_no_process_and_nothing_unfinished(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     names = photos(folder, 60)

@@ -210,13 +210,13 @@ def test_a_mixture_after_which_more_is_left_is_taken_back_and_others_wait() -> N
     assert waits == [False, False, True]
 
 
-@pytest.mark.parametrize("rise", [0.011, np.inf, np.nan])
-def test_values_that_rise_above_what_only_fell_begin_again_from_there(rise: float) -> None:
+@pytest.mark.parametrize(("size", "rise"), [(1.0, 0.011), (1.0, np.inf), (np.nan, 0.0)])
+def test_values_that_rise_above_what_only_fell_begin_again_from_there(size: float, rise: float) -> None:
     image = Acceleration(1e-7, 0.01)
     image.weights(products(1.0, 0.0))
     image.weights(products(1.0, 0.009))
     assert not image.is_astray
-    image.weights(products(1.0, rise))
+    image.weights(products(size, rise))
     assert (image.is_astray, image.gives_up, image.distance) == (True, True, 0.0)
 
 
@@ -234,6 +234,14 @@ def test_it_gives_up_where_nothing_is_gained() -> None:
         launches += 1
     assert 10 < launches < 30
     assert not image.is_due(1e-3)
+
+
+def test_without_an_estimate_of_the_distance_it_goes_back_to_where_it_began() -> None:
+    """Differences that do not shrink from one launch to the next."""
+    image = Acceleration(1e-7, 0.01)
+    while not image.gives_up:
+        image.weights(replace(products(1.0), value_squares=4.0, across=1.0))
+    assert (image.is_astray, image.distance) == (True, 0.0)
 
 
 def test_what_only_rounding_moves_is_at_its_limit() -> None:

@@ -34,7 +34,7 @@ _LEAST_OF_RELIEF, _LEAST = 1e-3, 1e-7
 _AGREE = 2.0
 """Noises by which guide and surface may scatter."""
 _FARTHEST_APART = math.log(1e6)
-"""Depths of a photograph, in ln."""
+"""How far apart depths of a photograph may be, in ln: by a factor of a million."""
 _TRIAL = 40
 """Iterations after which the surface tells how far the guide scatters about it."""
 
@@ -141,8 +141,9 @@ def minimised(device: Device, problem: Problem, options: Options, watch: Watch |
 
 def _has_run_away(found: Minimum) -> bool:
     """Whether its energy is no number, or its depths are farther apart than those of any photograph."""
-    heights = found.log_depth[np.isfinite(found.log_depth)]
-    return not (math.isfinite(sum(found.energies)) and np.ptp(heights) <= _FARTHEST_APART)
+    heights = found.log_depth[~np.isnan(found.log_depth)]
+    told = heights.size > 0 and bool(np.isfinite(found.energies).all())
+    return not (told and np.ptp(heights) <= _FARTHEST_APART)
 
 
 def _counts(fitted: Fitted, log_depth: Array) -> float:
