@@ -16,12 +16,15 @@ _BEFORE = 3
 
 @dataclass
 class _Group:
-    """Photos of which the same is said; `text` is what is said of the first, `of_all` whether it names none."""
+    """Photos of which the same is said.
+
+    `text` is what is said of the first, and `of_all` whether it names no photo, so that it is true of all. `place` is
+    of the first: it stands before the text where there is one photo, unless the text begins with it.
+    """
 
     text: str
     of_all: bool
     place: str
-    """Of the first photo: what stands before the text, unless that begins with it."""
     count: int = 0
     names: list[str] = field(default_factory=list)
 
@@ -59,25 +62,24 @@ class Alike:
             group.names.append(name)
             self._named += 1
 
-    def groups(self) -> Iterator[tuple[int, list[str], str]]:
-        """How many photos, the names of some, and what is said: "of the first" where it names that."""
+    def groups(self, of: str = "") -> Iterator[tuple[int, list[str], str]]:
+        """How many photos, the names of some, and what is said, after `of`: "of the first" where it names that."""
         for group in self._groups.values():
-            said = at_place(group.place, group.text) if group.count == 1 else group.text
-            yield group.count, group.names, said if group.of_all or group.count == 1 else f"of the first, {said}"
+            whose = "" if group.of_all else "of the first, "
+            alone = group.count == 1
+            yield group.count, group.names, at_place(group.place, group.text, of) if alone else of + whose + group.text
 
     def lines(self, of: str = "") -> Iterator[str]:
         """All of it, for standard error; `of` comes before the reason.
 
         The reason is on the line of the first photos, and the others are on the next.
         """
-        for group in self._groups.values():
-            names = group.names
-            if group.count == 1:
-                yield f"persfs-cl: {at_place(group.place, group.text, of)}"
+        for count, names, said in self.groups(of):
+            if count == 1:
+                yield f"persfs-cl: {said}"
                 continue
-            others = " and others" if group.count > len(names[:_BEFORE]) else ""
-            first = "" if group.of_all else "; of the first"
-            yield f"persfs-cl: {group.count} photos, {', '.join(names[:_BEFORE])}{others}{first}: {of}{group.text}"
+            others = " and others" if count > len(names[:_BEFORE]) else ""
+            yield f"persfs-cl: {count} photos, {', '.join(names[:_BEFORE])}{others}: {said}"
             if names[_BEFORE:]:
                 yield f"persfs-cl: the same of {', '.join(names[_BEFORE:])}."
 

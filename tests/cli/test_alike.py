@@ -32,13 +32,13 @@ def test_a_reason_that_many_share_is_told_once_and_each_is_named() -> None:
     alike = said(5, every_name=True)
     why = "in/000.png has no mask: masks/000.png.png does not exist."
     assert list(alike.lines()) == [
-        f"persfs-cl: 5 photos, 000.png, 001.png, 002.png and others; of the first: {why}",
+        f"persfs-cl: 5 photos, 000.png, 001.png, 002.png and others: of the first, {why}",
         "persfs-cl: the same of 003.png, 004.png.",
         "persfs-cl: in/text.png is no image.",
     ]
     assert alike.more == 0
     three = next(said(3, every_name=True).lines())
-    assert three.startswith("persfs-cl: 3 photos, 000.png, 001.png, 002.png; of the first: in/000")
+    assert three.startswith("persfs-cl: 3 photos, 000.png, 001.png, 002.png: of the first, in/000")
 
 
 def test_paths_of_a_list_that_are_not_there_are_alike() -> None:
@@ -47,7 +47,7 @@ def test_paths_of_a_list_that_are_not_there_are_alike() -> None:
         place = f"x.txt, line {number}: {name}"
         alike.add(place, Path(place), f"sub/{name} does not exist.")
     listed = "x.txt, line 1: brick.png, x.txt, line 2: gravel.png"
-    assert list(alike.lines()) == [f"persfs-cl: 2 photos, {listed}; of the first: sub/brick.png does not exist."]
+    assert list(alike.lines()) == [f"persfs-cl: 2 photos, {listed}: of the first, sub/brick.png does not exist."]
 
 
 def test_other_reasons_are_others() -> None:
@@ -85,7 +85,7 @@ def test_warnings_that_photos_share_are_told_once_with_their_number() -> None:
         tally.add(BatchResult(Path(name), name, record, warnings=tuple(map(PersfsWarning, texts))))
     assert tally.told().splitlines() == [
         "persfs-cl: 3 photos, a.png, b.png, c.png: warning: White is a guess.",
-        "persfs-cl: 3 photos, a.png, b.png, c.png; of the first: warning: a.png was resized.",
+        "persfs-cl: 3 photos, a.png, b.png, c.png: warning: of the first, a.png was resized.",
         "persfs-cl: b.png: warning: Odd.",
     ]
     assert "3 with warnings" in tally.summary()
@@ -98,7 +98,7 @@ def test_a_table_on_a_terminal_has_a_row_for_a_reason(tmp_path: Path, monkeypatc
     for result in results:
         tally.add(result)
     assert [line.partition(": ")[2] for line in tally.told().splitlines()] == [
-        "3 photos, 00001.png, 00002.png, 00003.png; of the first: 00001.png is bad."
+        "3 photos, 00001.png, 00002.png, 00003.png: of the first, 00001.png is bad."
     ]
 
     class Terminal(io.StringIO):
