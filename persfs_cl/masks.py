@@ -14,6 +14,8 @@ from persfs_cl.blocks import in_row_blocks, row_blocks
 
 # Bits of a cell's flags; kernels/shared/prelude.cl gives them the same values.
 SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16
+LACKING = NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN
+"""All that say that a neighbour is missing."""
 
 NOWHERE = 1e30
 """Value of a cell that is not there, for schemes that only want it to be high; as in kernels/shared/prelude.cl."""

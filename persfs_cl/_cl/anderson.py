@@ -81,7 +81,6 @@ class Mixer:
         """Launches that the device keeps of each image, the latest not counted."""
         self._bytes = layout.size * self._real.itemsize
         cells = run.images * self._bytes
-        self._is_new = np.ones(run.images, bool)
         definitions = {"LANES": _LANES, "DEPTH": DEPTH}
         with in_words(device):
             self._sum, self._mix = (
@@ -105,9 +104,8 @@ class Mixer:
         sums = np.empty((run.images, run.layout.height, _SUMS), self._real)
         with run.device.lock, in_words(run.device):
             for image in chosen:
-                if self._is_new[image]:
+                if not self._kept[image]:  # what is noted first
                     self._copy(run.values["log_depth"], self._values["ceiling"], image)
-            self._is_new[chosen] = False
             self._launch(self._sum, chosen, self._kept)
             cl.enqueue_copy(run.device.queue, sums, self._values["sums"])
         self._kept[chosen] = np.minimum(self._kept[chosen] + 1, DEPTH)

@@ -20,7 +20,7 @@ from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.kernel import kernel, row_group
 from persfs_cl._cl.parameters import records
 from persfs_cl._cl.registers import lanes
-from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP
+from persfs_cl.masks import LACKING
 
 _PAD = 2
 """As in kernels/energy/rows.cl."""
@@ -38,8 +38,6 @@ _SMALL = 64**2
 
 _LEAST_FALL = 0.1
 """Along a direction, as a share of that along the step alone."""
-
-_NOTHING_BESIDE = NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN
 
 
 @dataclass(frozen=True)
@@ -198,7 +196,7 @@ class Descent:
         self._values: dict[str, Any] = {
             "log_depth": upload(device, grid.padded(terms.log_depth, real)),
             "brightness": upload(device, grid.padded(terms.brightness, real)),
-            "flags": upload(device, grid.padded(terms.flags, np.uint8, _NOTHING_BESIDE)),
+            "flags": upload(device, grid.padded(terms.flags, np.uint8, LACKING)),
             "fixed": upload(device, grid.padded(terms.fixed, np.uint8, 1)),
             "prior": upload(device, grid.padded(terms.prior, real)),
             "certainty": upload(device, grid.padded(terms.certainty, real)),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from persfs_cl.masks import NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
+from persfs_cl.masks import LACKING, NO_DOWN, NO_LEFT, NO_RIGHT, NO_UP, NONE, SWEPT
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Image:
         marked = np.where(swept, self.brightness[rows], np.nan)
         if self.outside is None:
             # Not so the others: a NaN with its sign set would send its whole block the slow way.
-            on_rim = swept & ((flags & (NO_LEFT | NO_RIGHT | NO_UP | NO_DOWN)) != 0)
+            on_rim = swept & ((flags & LACKING) != 0)
             np.negative(marked, out=marked, where=on_rim)
         return marked
 

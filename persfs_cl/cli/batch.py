@@ -268,8 +268,6 @@ def batch(
         ),
     )
     plan.require_files()
-    if not output:
-        raise typer.BadParameter("name a folder.", param_hint="'--output' / '-o'")
     store = store_for(output)
     root = store.root if isinstance(store, FolderStore) else None
     if root is not None and root.exists() and not root.is_dir():

@@ -89,8 +89,7 @@ class Problem(Given):
         bounded = self.model.light.determines_depth or self.depth_range is not None
         if not self.scheme.accelerates or bounded or len(self.domain.boundary.cells):
             return False
-        beside_nothing = masks.NO_LEFT | masks.NO_RIGHT | masks.NO_UP | masks.NO_DOWN
-        return self.model.exact_argmin or not (self.domain.flags[self.domain.solved] & beside_nothing).any()
+        return self.model.exact_argmin or not (self.domain.flags[self.domain.solved] & masks.LACKING).any()
 
     @property
     def start(self) -> Array:

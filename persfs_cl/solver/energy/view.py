@@ -13,7 +13,6 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.grid import PixelGrid
 
 _Number = TypeVar("_Number", np.float64, np.uint8)
-_BESIDE = masks.NO_LEFT | masks.NO_RIGHT | masks.NO_UP | masks.NO_DOWN
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class View:
         """For the kernels, see :mod:`persfs_cl.masks`; all neighbours are missing where there is no depth."""
         present = self.present
         flags = masks.missing_neighbours(present)
-        flags[~present] = _BESIDE
+        flags[~present] = masks.LACKING
         flags[self.solved] |= np.uint8(masks.SWEPT)
         return flags
 
