@@ -30,16 +30,26 @@ def in_row_blocks(work: Callable[[slice], None], shape: tuple[int, ...]) -> None
     For work that is NumPy's for the most part, which lets other threads go on. Threads neither warn nor have what
     `numpy.errstate` says around the call.
     """
-    blocks = list(row_blocks(shape))
-    threads = min(usable_cores(), len(blocks) // _LEAST_BLOCKS)
-    if threads < 2:
-        for rows in blocks:
+    left = list(row_blocks(shape))
+    helpers = min(usable_cores(), len(left) // _LEAST_BLOCKS) - 1
+
+    def take_turns() -> None:
+        while left:
+            try:
+                rows = left.pop()
+            except IndexError:  # another was faster
+                return
             work(rows)
+
+    if helpers < 1:
+        take_turns()
         return
     # None is kept: threads do not outlive a fork.
-    with ThreadPoolExecutor(threads) as pool:
-        for _ in pool.map(work, blocks):
-            pass
+    with ThreadPoolExecutor(helpers) as pool:
+        helping = [pool.submit(take_turns) for _ in range(helpers)]
+        take_turns()
+    for each in helping:
+        each.result()
 
 
 def usable_cores() -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Mask
-from persfs_cl.blocks import in_row_blocks, row_blocks
+from persfs_cl.blocks import row_blocks
 
 # Bits of a cell's flags; kernels/shared/prelude.cl gives them the same values.
 SWEPT, NO_LEFT, NO_RIGHT, NO_UP, NO_DOWN = 1, 2, 4, 8, 16
@@ -122,38 +123,60 @@ def _groups(count: int, one: NDArray[np.intp], other: NDArray[np.intp]) -> NDArr
     return groups
 
 
+class StraightSteps:
+    """Fewest steps along rows and columns from a seed to pixels, whatever lies between."""
+
+    def __init__(self, seeds: Mask) -> None:
+        height, width = seeds.shape
+        farthest = height + width
+        kind = np.dtype(np.int16 if farthest <= np.iinfo(np.int16).max else np.int32)
+        rows = np.arange(height, dtype=kind)[:, None]
+        # Of all seeds those of a pixel's column, first. What is one step longer in each row is the same less its row.
+        self._along_columns = steps = np.full(seeds.shape, farthest, kind)
+        steps[seeds] = 0
+        for lines in (steps, steps[::-1]):
+            np.subtract(lines, rows, out=lines)
+            for before, line in pairwise(lines):
+                np.minimum(line, before, out=line)
+            np.add(lines, rows, out=lines)
+        self._columns = np.arange(width, dtype=kind)
+
+    def to(self, rows: slice, columns: slice, most: int | None = None) -> Steps:
+        """To the pixels of some neighbouring rows and columns, from each of which a seed is at `most` so far away."""
+        width = self._columns.size
+        begin, end, _ = columns.indices(width)
+        first, last = (0, width) if most is None else (max(0, begin - most), min(width, end + most))
+        lines = self._along_columns[rows]
+        rightwards = self._from_left(lines[:, first:end], begin - first)
+        leftwards = self._from_left(lines[:, begin:last][:, ::-1], last - end)
+        return np.minimum(rightwards, leftwards[:, ::-1], out=rightwards)
+
+    def _from_left(self, lines: Steps, begin: int) -> Steps:
+        """From seeds of the same column or of one before it, to the columns from that one on."""
+        columns = self._columns[: lines.shape[1]]
+        steps = lines - columns
+        if begin:
+            np.minimum(steps[:, begin], steps[:, :begin].min(axis=1), out=steps[:, begin])
+        steps = np.minimum.accumulate(steps[:, begin:], axis=1)
+        steps += columns[begin:]
+        return steps
+
+
 def straight_steps_from(seeds: Mask) -> Steps:
-    """Fewest steps along rows and columns from a seed to each pixel, whatever lies between."""
+    """See :class:`StraightSteps`, to each pixel."""
     height, width = seeds.shape
-    farthest = height + width
-    kind = np.dtype(np.int16 if farthest <= np.iinfo(np.int16).max else np.int32)
-    steps = np.full(seeds.shape, farthest, kind)
-    steps[seeds] = 0
-    following = np.empty(width, kind)
-    for lines in (steps, steps[::-1]):
-        for before, line in pairwise(lines):
-            np.add(before, 1, out=following)
-            np.minimum(line, following, out=line)
-    columns = np.arange(width, dtype=kind)
-
-    def along_rows(rows: slice) -> None:
-        for part in (steps[rows], steps[rows, ::-1]):
-            np.subtract(part, columns, out=part)
-            np.minimum.accumulate(part, axis=1, out=part)
-            np.add(part, columns, out=part)
-
-    in_row_blocks(along_rows, steps.shape)
-    return steps
+    return StraightSteps(seeds).to(slice(0, height), slice(0, width))
 
 
-def least_steps_to_blocks(seeds: Mask, side: int) -> Steps:
-    """For each block of side x side pixels, no more than the fewest steps from a seed to any pixel of it.
+def steps_to_blocks(seeds: Mask, side: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """For each block of side x side pixels, bounds of the fewest steps from a seed to any pixel of it.
 
-    Found much sooner than :func:`straight_steps_from`. Without a seed it has no meaning.
+    Found much sooner than :func:`straight_steps_from`. Without a seed they have no meaning.
     """
-    steps = straight_steps_from(in_square_blocks(np.logical_or, seeds, side))
-    # Within the first and the last block of a way there may be no step to go.
-    return np.maximum(steps.astype(np.int32) * side - 2 * (side - 1), 0)
+    steps = side * straight_steps_from(in_square_blocks(np.logical_or, seeds, side)).astype(np.int32)
+    # Within the first and the last block of a way there may be no step to go, or all of its rows and columns.
+    within = 2 * (side - 1)
+    return np.maximum(steps - within, 0), steps + within
 
 
 def in_square_blocks(reduction: np.ufunc, values: NDArray[Any], side: int) -> NDArray[Any]:
@@ -161,6 +184,21 @@ def in_square_blocks(reduction: np.ufunc, values: NDArray[Any], side: int) -> ND
     height, width = values.shape
     rows = [reduction.reduce(values[top : top + side], axis=0) for top in range(0, height, side)]
     return np.asarray(reduction.reduceat(np.stack(rows), range(0, width, side), axis=1))
+
+
+def stretches_of_blocks(blocks: Mask, side: int) -> Iterator[tuple[slice, slice]]:
+    """Rows and columns of pixels of the blocks of a set, those next to each other in a row of blocks together."""
+    padded = np.zeros((blocks.shape[0], blocks.shape[1] + 2), bool)
+    padded[:, 1:-1] = blocks
+    rows, bounds = np.nonzero(padded[:, 1:] != padded[:, :-1])
+    for row, begin, end in zip(rows[::2].tolist(), bounds[::2].tolist(), bounds[1::2].tolist(), strict=True):
+        yield slice(row * side, (row + 1) * side), slice(begin * side, end * side)
+
+
+def of_blocks(values: NDArray[Any], side: int, shape: tuple[int, ...]) -> NDArray[Any]:
+    """For each pixel of an image of that shape the value of its block of side x side pixels."""
+    height, width = shape
+    return np.repeat(np.repeat(values, side, axis=1)[:, :width], side, axis=0)[:height]
 
 
 def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:

@@ -9,13 +9,16 @@ from hypothesis import strategies as st
 
 from persfs_cl.arrays import Mask
 from persfs_cl.masks import (
+    StraightSteps,
     connected,
     in_square_blocks,
-    least_steps_to_blocks,
     missing_neighbours,
+    of_blocks,
     rim,
     steps_from,
+    steps_to_blocks,
     straight_steps_from,
+    stretches_of_blocks,
 )
 
 
@@ -75,14 +78,37 @@ def test_straight_steps_from_go_through_everything(shape: tuple[int, int]) -> No
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (5, 70), (33, 64), (70, 41)])
-def test_steps_to_blocks_are_no_more_than_those_to_their_pixels(shape: tuple[int, int]) -> None:
+def test_straight_steps_to_a_part_are_those_to_its_pixels(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(1)
+    seeds = random.random(shape) < 0.01
+    seeds.flat[random.integers(seeds.size)] = True
+    steps = StraightSteps(seeds)
+    expected = straight_steps_from(seeds)
+    for part in stretches_of_blocks(random.random((-(-shape[0] // 8), -(-shape[1] // 8))) < 0.5, 8):
+        np.testing.assert_array_equal(steps.to(*part), expected[part])
+        np.testing.assert_array_equal(steps.to(*part, int(expected[part].max())), expected[part])
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 70), (33, 64), (70, 41)])
+def test_steps_to_blocks_are_bounds_of_those_to_their_pixels(shape: tuple[int, int]) -> None:
     random = np.random.default_rng(0)
     for seeds in (random.random(shape) < 0.01, np.zeros(shape, bool)):
         seeds.flat[random.integers(seeds.size)] = True
         steps = straight_steps_from(seeds)
         for side in (1, 8, 32):
-            fewest = in_square_blocks(np.minimum, steps, side)
-            bounds = least_steps_to_blocks(seeds, side)
-            assert bounds.shape == (-(-shape[0] // side), -(-shape[1] // side))
-            assert (bounds <= fewest).all()
-            assert (fewest - bounds < 2 * side).all()
+            fewest, most = (in_square_blocks(of, steps, side) for of in (np.minimum, np.maximum))
+            least_bound, most_bound = steps_to_blocks(seeds, side)
+            assert least_bound.shape == most_bound.shape == (-(-shape[0] // side), -(-shape[1] // side))
+            assert (least_bound <= fewest).all()
+            assert (fewest - least_bound < 2 * side).all()
+            assert (most <= most_bound).all()
+            assert (most_bound - most < 4 * side).all()
+
+
+def test_stretches_of_blocks_are_the_pixels_of_the_blocks() -> None:
+    blocks = np.array([[1, 1, 0, 1], [0, 0, 0, 0], [0, 1, 1, 1]], bool)
+    found = np.zeros((8, 10), int)
+    for part in stretches_of_blocks(blocks, 3):
+        found[part] += 1
+    np.testing.assert_array_equal(found, of_blocks(blocks, 3, found.shape))
+    assert found[:3].tolist() == [[1, 1, 1, 1, 1, 1, 0, 0, 0, 1]] * 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -107,27 +107,29 @@ class Layout:
         rows: slice,
     ) -> None:
         """Some rows of an image."""
-        block = image(rows)
-        lines[rows] = fill
-        for part, columns in self._parts(lines[rows], width):
-            part[:] = block[:, columns]
+        block, stored, end = image(rows), lines[rows], 0
+        for begin, columns in self._parts(width):
+            part = block[:, columns]
+            stored[:, end:begin] = fill
+            end = begin + part.shape[1]
+            stored[:, begin:end] = part
+        stored[:, end:] = fill
 
     def take(self, stored: NDArray[Any], image: NDArray[Any]) -> None:
         """Copy what `store` has stored into an image."""
         height, width = image.shape
         lines = stored[self.first_row : self.first_row + height]
-        for part, columns in self._parts(lines, width):
-            image[:, columns] = part
+        for begin, columns in self._parts(width):
+            part = image[:, columns]
+            part[:] = lines[:, begin : begin + part.shape[1]]
 
-    def _parts(self, lines: NDArray[Any], width: int) -> Iterator[tuple[NDArray[Any], slice]]:
-        """Stretches of stored columns, and the columns of an image of that width that they hold."""
+    def _parts(self, width: int) -> list[tuple[int, slice]]:
+        """Where stretches of stored columns begin, and the columns of an image of that width that they hold."""
         if not self.apart:
-            yield lines[:, self.first_column : self.first_column + width], slice(None)
-            return
+            return [(self.first_column, slice(0, width))]
         # Two strided copies are many times faster than one by an array of column numbers.
-        for parity in (0, 1):
-            begin = self.first_column // 2 + parity * (self.stride // 2)
-            yield lines[:, begin : begin + (width + 1 - parity) // 2], slice(parity, None, 2)
+        begin = self.first_column // 2
+        return [(begin + parity * (self.stride // 2), slice(parity, width, 2)) for parity in (0, 1)]
 
     def cells(self, pixels: NDArray[np.integer], width: int) -> NDArray[np.int32]:
         """Stored indices of flat indices in an image of a width; :data:`persfs_cl.masks.NONE` stays."""

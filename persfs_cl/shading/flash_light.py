@@ -18,11 +18,11 @@ from persfs_cl.blocks import in_row_blocks
 from persfs_cl.checks import FARTHEST, NEAREST, as_flag, as_number, as_numbers
 from persfs_cl.errors import InputError
 from persfs_cl.grid import PixelGrid
-from persfs_cl.quantiles import median
+from persfs_cl.quantiles import median, sampled
 from persfs_cl.shading.equations import Equation, FlashEquation, HeadlightEquation, LampEquation
 from persfs_cl.shading.forward import Direction, surface_norm
 from persfs_cl.shading.lambertian import Lambertian
-from persfs_cl.shading.model import Light, Model, largest
+from persfs_cl.shading.model import DARKEST, Extremes, Light, Model
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
@@ -33,6 +33,9 @@ _MOST_POWER = 300.0
 
 _BLACK = 1e-6
 """Share of the brightest value that even a black pixel is taken to have: less than any camera tells."""
+
+_SAMPLES = 2**14
+"""Pixels that stand for all of them where a typical depth is wanted."""
 
 _LEAST_LIGHT, _MOST_LIGHT = 1e-100, 1e100
 """What the brightest pixel may be, so that products of it have double-precision numbers."""
@@ -299,20 +302,25 @@ class HeadlightModel(_LampModel):
         """ln R, see :meth:`Model.offset`."""
         return np.asarray(0.5 * np.log1p(grid.x**2 + grid.y**2))
 
-    def shading(self, image: Array) -> Array:
-        """Cosine of the angle between surface and ray.
+    def shading(self, image: Array, extremes: Extremes) -> Array:
+        """Cosine of the angle between surface and ray, to which the viscosity is proportional.
 
-        What is darker than the material at grazing gets 0, and what rounding leaves beyond the brightest value 1.
+        What is darker than the material at grazing gets next to 0, and what rounding leaves beyond the brightest value
+        gets 1.
         """
-        return self.reflectance.facing(image / self.light.known_gain)
+        return self.not_black(self.reflectance.facing(image / self.light.known_gain), self._cosines(extremes).darkest)
 
-    def read_by_kernels(self, shading: Array) -> Array:
-        """See :meth:`Model.read_by_kernels`: the viscosity is proportional to it."""
-        return self.not_black(shading)
-
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
         """Every pixel that is as dark as the material at grazing."""
-        return np.asarray(solved & (shading <= _BLACK * largest(shading, solved)))
+        cosines = self._cosines(extremes)
+        if cosines.darkest > (black := max(_BLACK * cosines.brightest, DARKEST)):
+            return np.zeros_like(solved)
+        return np.asarray(solved & (shading <= black))
+
+    def _cosines(self, extremes: Extremes) -> Extremes:
+        """The least and the largest cosine, of the pixels to solve: the brighter, the more they face the lamp."""
+        at_both = np.array([extremes.darkest, extremes.brightest]) / self.light.known_gain
+        return Extremes(*map(float, self.reflectance.facing(at_both)))
 
 
 @dataclass(frozen=True)
@@ -329,9 +337,9 @@ class FlashModel(_LampModel):
         """See :meth:`Model.equation`."""
         return FlashEquation(brightness, x, y, self.reflectance)
 
-    def check_scale(self, image: Array, solved: Mask, grid: PixelGrid) -> None:
+    def check_scale(self, extremes: Extremes, grid: PixelGrid) -> None:
         """Refuse brightness and gain that put the surface where numbers end."""
-        brightest, light = largest(image, solved), self.light
+        brightest, light = extremes.brightest, self.light
         if not _LEAST_LIGHT <= brightest <= _MOST_LIGHT:
             raise InputError(
                 f"image goes up to {brightest:g} under {keyword('light', light)}: give a brightest value from "
@@ -360,49 +368,53 @@ class FlashModel(_LampModel):
                 f"{NEAREST:g} and {FARTHEST:g}.",
             )
 
-    def start(self, image: Array, solved: Mask, grid: PixelGrid) -> tuple[Array, Array, float]:
+    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, Array, float]:
         """See :meth:`Model.start`.
 
         From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light; with the
-        lamp off the axis likewise at the distance from the lamp.
+        lamp off the axis likewise at the distance from the lamp. The level is about the median of that.
         """
-        darkest = _BLACK * largest(image, solved)
         shading, first = np.empty(image.shape), np.empty(image.shape)
+        darkest, per_gain = _BLACK * extremes.brightest, 1.0 / self.light.known_gain
+        everything = bool(solved.all())
+        pixels = solved if everything else np.flatnonzero(solved)
+        some = sampled(pixels, _SAMPLES)
+        row, column = np.divmod(some if everything else pixels[some], image.shape[1])
+        typical = np.maximum(image[row, column], darkest) * per_gain
+        begins = np.empty_like(typical)
+        self._begin(typical, begins, grid.x[column], grid.y[row, 0], 0.0)
+        level = median(begins)
 
         def begin(rows: slice) -> None:
-            x, y, block = grid.x, grid.y[rows], shading[rows]
-            np.maximum(image[rows], darkest, out=block)
-            if not (inside := solved[rows]).all():
+            block = np.maximum(image[rows], darkest, out=shading[rows])
+            block *= per_gain
+            outside = None if everything else ~solved[rows]
+            if outside is not None:
                 # What is not solved may hold anything.
-                block[~inside] = self.light.known_gain
-            block /= self.light.known_gain
-            self._to_unit_distance(block, x, y)
-            first[rows] = self._log_depth_facing(self.reflectance.brightest / block, x, y)
+                np.copyto(block, 1.0, where=outside)
+            self._begin(block, first[rows], grid.x, grid.y[rows], level)
+            if outside is not None:
+                np.copyto(first[rows], -level, where=outside)
 
         in_row_blocks(begin, image.shape)
-        everything = bool(solved.all())
-        level = median(first if everything else first[solved])
-
-        def level_out(rows: slice) -> None:
-            shading[rows] *= np.exp(2.0 * level)
-            first[rows] -= level
-            if not everything:
-                np.copyto(first[rows], -level, where=~solved[rows])
-
-        in_row_blocks(level_out, image.shape)
         return shading, first, level
 
-    def _to_unit_distance(self, shading: Array, x: Array, y: Array) -> None:
-        """From brightness over gain to F, in place."""
-        shading *= 1.0 + x**2 + y**2
+    def _begin(self, seen: Array, first: Array, x: Array, y: Array, level: float) -> None:
+        """Make of brightness above 0, under a gain of 1, what the kernels read, and the first values, less the level.
 
-    def _log_depth_facing(self, square_distance: Array, x: Array, y: Array) -> Array:
-        """Z where max c / F is a square of the distance: the surface returns the most light."""
-        return np.asarray(0.5 * np.log(square_distance))
+        Both are written in place: arrays for what lies between would cost more than the arithmetic.
+        """
+        seen *= np.add(x**2, 1.0 + y**2, out=first)
+        np.log(seen, out=first)
+        first *= -0.5
+        first += 0.5 * math.log(self.reflectance.brightest) - level
+        seen *= math.exp(2.0 * level)
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
         """Black pixels."""
-        return np.asarray(solved & (image <= _BLACK * largest(image, solved)))
+        if extremes.darkest > (black := _BLACK * extremes.brightest):
+            return np.zeros_like(solved)
+        return np.asarray(solved & (image <= black))
 
     def brightness_of_equation(self, log_depth: Array, p: Array, q: Array, x: Array, y: Array) -> tuple[Array, Array]:
         """By the equation the lamp is at the camera; see :meth:`Model.brightness_of_equation`."""
@@ -415,15 +427,19 @@ class FlashModel(_LampModel):
 class UpwindFlashModel(FlashModel):
     """The same for the upwind scheme."""
 
-    def read_by_kernels(self, shading: Array) -> Array:
-        """ln F, see :meth:`Model.read_by_kernels`."""
-        read = np.empty_like(shading)
+    def equation(
+        self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
+    ) -> Equation:
+        """See :meth:`Model.equation`."""
+        return super().equation(np.exp(brightness), x, y, numbers, steepest)
 
-        def take(rows: slice) -> None:
-            np.log(shading[rows], out=read[rows])
-
-        in_row_blocks(take, shading.shape)
-        return read
+    def _begin(self, seen: Array, first: Array, x: Array, y: Array, level: float) -> None:
+        """The kernels read ln F, which they would have to compute for each cell."""
+        seen *= np.add(x**2, 1.0 + y**2, out=first)
+        np.log(seen, out=seen)
+        seen += 2.0 * level
+        np.multiply(seen, -0.5, out=first)
+        first += 0.5 * math.log(self.reflectance.brightest)
 
 
 @dataclass(frozen=True)
@@ -443,16 +459,16 @@ class OffAxisModel(FlashModel):
         direction = Direction(nowhere, nowhere, nowhere)
         return LampEquation(brightness, x, y, direction, steepest, self.light.offset, self.reflectance)
 
-    def _to_unit_distance(self, shading: Array, x: Array, y: Array) -> None:
-        """It is F already."""
-
-    def _log_depth_facing(self, square_distance: Array, x: Array, y: Array) -> Array:
-        """Of the farther depth at which a ray is so far from the lamp, or else the nearest that there is."""
+    def _begin(self, seen: Array, first: Array, x: Array, y: Array, level: float) -> None:
+        """From the farther depth at which a ray is so far from the lamp, or else the nearest that there is."""
         right, below, ahead = self.light.offset
         square_ray, along = 1.0 + x**2 + y**2, right * x + below * y + ahead
+        square_distance = self.reflectance.brightest / seen
         excess = along**2 + square_ray * (square_distance - (right**2 + below**2 + ahead**2))
         farther = (along + np.sqrt(np.maximum(excess, 0.0))) / square_ray
-        return np.asarray(np.log(np.maximum(farther, self.nearest_depth(x, y))))
+        np.log(np.maximum(farther, self.nearest_depth(x, y)), out=first)
+        first -= level
+        seen *= math.exp(2.0 * level)
 
     def nearest_depth(self, x: Array, y: Array) -> Array:
         """Depth at which the equation ends, of rays (x, y, 1), as in kernels/models/off_axis_lamp.cl.

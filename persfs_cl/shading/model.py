@@ -21,8 +21,32 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-_DARKEST = 1e-30
+DARKEST = 1e-30
 """A cosine that is 0 for all but divisions, of single precision too."""
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """The smallest and the largest brightness of the pixels to solve, NaN both where one of these is."""
+
+    darkest: float
+    brightest: float
+
+    @classmethod
+    def of(cls, image: Array, solved: Mask) -> Extremes:
+        """Those of an image of which one pixel is to be solved at least; the others may hold anything."""
+        darkest, brightest = np.inf, -np.inf
+        for rows in row_blocks(solved.shape):
+            block, here = image[rows], solved[rows]
+            if not (everything := here.all()) and not here.any():
+                continue
+            low, high = block.min(), block.max()
+            # Where none of the others is beyond those of before these need not be told apart, which takes longer.
+            if not everything and not (low >= darkest and high <= brightest):
+                used = block[here]
+                low, high = used.min(), used.max()
+            darkest, brightest = np.minimum(darkest, low), np.maximum(brightest, high)
+        return cls(float(darkest), float(brightest))
 
 
 @dataclass(frozen=True)
@@ -256,7 +280,8 @@ class Model(ABC):
     ) -> Equation:
         """The same Hamiltonian in plain NumPy at some pixels of an image, for the reference.
 
-        `numbers` are those of :meth:`numbers`, found once for the image.
+        `brightness` is what the kernels read in its place; `numbers` are those of :meth:`numbers`, found once for the
+        image.
         """
 
     # What a scheme begins with.
@@ -277,25 +302,24 @@ class Model(ABC):
         """Gradient of Z where the unknown is level: that of minus the offset."""
         return 0.0, 0.0
 
-    def shading(self, image: Array) -> Array:
-        """What the kernels read in place of the image, where the depth is known somewhere."""
+    def shading(self, image: Array, extremes: Extremes) -> Array:
+        """What the kernels read in place of the image, where the depth is known somewhere.
+
+        `extremes` are those of the pixels to solve, here and below.
+        """
         return image
 
-    def read_by_kernels(self, shading: Array) -> Array:
-        """What they read in place of the shading: some function of it that each cell would have to compute."""
-        return shading
-
     @staticmethod
-    def not_black(shading: Array) -> Array:
+    def not_black(shading: Array, darkest: float) -> Array:
         """Cosines of which none is 0: where such a cell has no viscosity either, no neighbour weighs anything."""
         # NaN, of what is not solved, stays.
-        return shading if (shading >= _DARKEST).all() else np.maximum(shading, _DARKEST)
+        return shading if darkest >= DARKEST else np.maximum(shading, DARKEST)
 
-    def check_scale(self, image: Array, solved: Mask, grid: PixelGrid) -> None:
+    def check_scale(self, extremes: Extremes, grid: PixelGrid) -> None:
         """InputError when image and light put the surface where numbers end, where the image tells the depth."""
         return
 
-    def start(self, image: Array, solved: Mask, grid: PixelGrid) -> tuple[Array, Array, float]:
+    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, Array, float]:
         """Where the image tells the depth: what the kernels read, the values to begin with, less a level, and that.
 
         Black pixels would lie at infinity; they are given a little light.
@@ -305,7 +329,7 @@ class Model(ABC):
     # What a scheme ends with.
 
     @abstractmethod
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
         """Pixels to solve where the equation gives no bound to the slope."""
 
     def nearest_depth(self, x: Array, y: Array) -> Array | None:
@@ -316,11 +340,3 @@ class Model(ABC):
         """Brightness of a surface by the equation, and by the light as it is, up to the same factor."""
         given = self.light.brightness(log_depth, p, q, x, y, self.reflectance)
         return given, given
-
-
-def largest(brightness: Array, solved: Mask) -> float:
-    """The largest value of the pixels to solve, or 0; the others may hold anything."""
-    blocks = ((brightness[rows], solved[rows]) for rows in row_blocks(solved.shape))
-    # Many times faster than over some of them.
-    found = (values.max() if here.all() else values.max(where=here, initial=0.0) for values, here in blocks)
-    return float(max(0.0, *found))

@@ -9,22 +9,28 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import in_row_blocks
 from persfs_cl.checks import as_number
 from persfs_cl.choices import Boundary
 from persfs_cl.errors import InputError
 from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.equations import Equation, MaterialEquation, ParallelEquation
 from persfs_cl.shading.forward import reflectance_map
-from persfs_cl.shading.model import Light, Model
+from persfs_cl.shading.model import Extremes, Light, Model
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
 _STEEPEST = 1e3
 """Beyond this slope the light grazes the image plane at less than a tenth of a degree."""
+
+_BLOCK = 32
+"""Pixels of a side of the blocks that are looked at before their pixels."""
+
+_ROUNDING = 1e-7
+"""Of the root of a sum of squares, compared with the largest of these, and some."""
 
 _MARGIN, _SMALL_MARGIN = 1.02, 1.001
 """More than a slope, and a value with level top, can rise between its samples above the largest of them."""
@@ -161,9 +167,9 @@ class CosineModel(_ParallelModel):
         """See :meth:`Model.equation`."""
         return ParallelEquation(brightness, x, y, self.light, steepest)
 
-    def read_by_kernels(self, shading: Array) -> Array:
-        """See :meth:`Model.read_by_kernels`: along the light the viscosity is proportional to it."""
-        return self.not_black(shading)
+    def shading(self, image: Array, extremes: Extremes) -> Array:
+        """See :meth:`Model.shading`: along the light the viscosity is proportional to it."""
+        return self.not_black(image, extremes.darkest)
 
     def brightest(self, grid: PixelGrid) -> float:
         """1."""
@@ -173,27 +179,51 @@ class CosineModel(_ParallelModel):
         """See :meth:`Model.too_bright`."""
         return "E must lie in [0, 1]. Use normalise_grey, or divide by the brightest value."
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> Mask:
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
         """Pixels where {P : H(P) <= 0} is unbounded, H not coercive.
 
         The set is bounded where A = e² (I + xx') - ññ', e = k E, is positive definite: for
         e² > |ñ|² - (x·ñ)² / (1 + r²), with ñ = (x - p0, y - q0) and r² = x² + y².
         """
-        light, x = self.light, grid.x
+        light = self.light
+        least, most = self._bounds_of_blocks(grid)
+        if light.norm * extremes.darkest > most.max():
+            return np.zeros_like(solved)
+        # Nearly everywhere the extremes of a block tell.
+        lowest, highest = (light.norm * masks.in_square_blocks(of, image, _BLOCK) for of in (np.minimum, np.maximum))
+        everywhere = highest < least
         found = np.zeros_like(solved)
-
-        def find(rows: slice) -> None:
-            y = grid.y[rows]
+        if everywhere.any():
+            np.logical_and(solved, masks.of_blocks(everywhere, _BLOCK, solved.shape), out=found)
+        for rows, columns in masks.stretches_of_blocks(~(everywhere | (lowest > most)), _BLOCK):
+            x, y = grid.x[columns], grid.y[rows]
             offset_x, offset_y = x - light.p0, y - light.q0
-            # The bound is at most |ñ|²: most photographs are brighter than that nearly everywhere.
-            if (light.norm * image[rows].min()) ** 2 > (offset_x**2).max() + (offset_y**2).max():
-                return
             along = x * offset_x + y * offset_y
             bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
-            found[rows] = solved[rows] & ((light.norm * image[rows]) ** 2 <= bound)
-
-        in_row_blocks(find, found.shape)
+            found[rows, columns] = solved[rows, columns] & ((light.norm * image[rows, columns]) ** 2 <= bound)
         return found
+
+    def _bounds_of_blocks(self, grid: PixelGrid) -> tuple[Array, Array]:
+        """Bounds of the e at which H begins to be coercive, over the pixels of each block: see :meth:`degenerate`."""
+        squares_x, alongs_x, rays_x = _terms_of_blocks(grid.x, self.light.p0)
+        squares_y, alongs_y, rays_y = (
+            (least[:, None], most[:, None]) for least, most in _terms_of_blocks(grid.y[:, 0], self.light.q0)
+        )
+        along = alongs_x[0] + alongs_y[0], alongs_x[1] + alongs_y[1]
+        closest = np.maximum(0.0, np.maximum(along[0], -along[1]))
+        farthest = np.maximum(-along[0], along[1])
+        least = squares_x[0] + squares_y[0] - farthest**2 / (1.0 + rays_x[0] + rays_y[0])
+        most = squares_x[1] + squares_y[1] - closest**2 / (1.0 + rays_x[1] + rays_y[1])
+        # Beyond what rounding makes of it.
+        rounding = _ROUNDING * self.light.norm
+        return np.sqrt(np.maximum(least, 0.0)) - rounding, np.sqrt(most) + rounding
+
+
+def _terms_of_blocks(coordinate: Array, slope: float) -> list[tuple[Array, Array]]:
+    """The least and the largest (x - p0)², x (x - p0) and x² of the pixels of each block along one axis."""
+    begins, offset = np.arange(0, coordinate.size, _BLOCK), coordinate - slope
+    terms = offset**2, coordinate * offset, coordinate**2
+    return [(np.minimum.reduceat(term, begins), np.maximum.reduceat(term, begins)) for term in terms]
 
 
 @dataclass(frozen=True)
@@ -251,7 +281,7 @@ class MaterialModel(_ParallelModel):
         """See :meth:`Model.too_bright`."""
         return f"{self.reflectance!r} is seen no brighter than {most:.3g} under this light. Scale the image."
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid) -> NDArray[np.bool_]:
+    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
         """Every pixel that is as dark as the material at grazing."""
         between = self._between(grid)
         grazing = self.reflectance.shade(np.sqrt(np.maximum(0.0, 1.0 - between**2)), 0.0, between)

@@ -161,7 +161,7 @@ def _laid_out(
                 f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
     renewed = _boundary(reached, known | held, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
-    np.bitwise_or(flags, SWEPT, out=flags, where=reached)
+    flags |= reached * np.uint8(SWEPT)
     flags.ravel()[renewed.cells] ^= SWEPT
     return Domain(
         known=known,

@@ -19,7 +19,7 @@ from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.fit import band
 from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_albedo, as_array_of_image, as_known_depth
-from persfs_cl.shading.model import Model
+from persfs_cl.shading.model import Extremes, Model
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.domain import Domain, lay_out
 from persfs_cl.solver.inputs import (
@@ -86,6 +86,8 @@ class Given:
         The part of the image that is solved. Arrays that are not of the shape of the image are of its (height, width).
     image : ndarray of float64, shape (height, width)
         E, or the brightness under a flash, of the surface without its albedo.
+    extremes : Extremes
+        Of it, at the pixels to solve.
     known_depth : ndarray of float64, shape (height, width)
         NaN where unknown.
     known_beyond : KnownBeyond or None
@@ -122,6 +124,7 @@ class Given:
     camera: Camera
     window: Window
     image: Array
+    extremes: Extremes
     known_depth: Array
     known_beyond: KnownBeyond | None
     walls: Mask | None
@@ -245,14 +248,14 @@ def check(
         with np.errstate(over="ignore"):
             brightness = brightness / window.cut(reflecting)
     name = "image" if reflecting is None else "image / albedo"
-    require_shading(brightness, layout.solved, model, _brightest(model, image_grid, scheme), name)
+    extremes = require_shading(brightness, layout.solved, model, _brightest(model, image_grid, scheme), name)
     if assumed and light.flat_rim:
         inside = window.cut(wanted)
         looked_at = inside if barriers is None else inside & ~window.cut(barriers)
         warn_of_steep_outline(brightness, looked_at, inside, light, options["reflectance"])
     if light.determines_depth:
-        model.check_scale(brightness, layout.solved, image_grid)
-        warn_of_background(brightness, layout.solved)
+        model.check_scale(extremes, image_grid)
+        warn_of_background(brightness, layout.solved, extremes)
 
     grid = window.grid(image_grid)
     offset = model.offset(grid)
@@ -271,6 +274,7 @@ def check(
         camera=camera,
         window=window,
         image=brightness,
+        extremes=extremes,
         known_depth=known_depths,
         known_beyond=beyond,
         walls=None if on_walls is None else window.cut(on_walls),

@@ -16,7 +16,7 @@ from persfs_cl.grid import PixelGrid
 from persfs_cl.guide.guide import Guide
 from persfs_cl.maps import as_array_of_image, no_numbers
 from persfs_cl.masks import Neighbours, rim
-from persfs_cl.shading.model import Light, Model, largest
+from persfs_cl.shading.model import Extremes, Light, Model
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.wording import keyword
 
@@ -102,14 +102,10 @@ def light_for(light: Light, guide: Guide, photograph: Array, grid: PixelGrid, re
 
 def require_shading(
     brightness: NDArray[np.float64], solved: NDArray[np.bool_], model: Model, most: float, name: str
-) -> None:
+) -> Extremes:
     """InputError when the pixels that are used are no image for the model; the others may hold anything."""
-    blocks = (
-        brightness[rows] if solved[rows].all() else brightness[rows][solved[rows]] for rows in row_blocks(solved.shape)
-    )
-    # Both are NaN where one value is.
-    extremes = np.array([(used.min(), used.max()) for used in blocks if used.size])
-    darkest, brightest = float(extremes[:, 0].min()), float(extremes[:, 1].max())
+    extremes = Extremes.of(brightness, solved)
+    darkest, brightest = extremes.darkest, extremes.brightest
     why = None
     if not (math.isfinite(darkest) and math.isfinite(brightest)):
         why = no_numbers(brightness, solved)
@@ -121,6 +117,7 @@ def require_shading(
         why = f"is constant ({darkest:g}) inside the mask: it carries no shading to reconstruct from."
     if why:
         raise InputError(f"{name} {why}", argument="image", value=brightness)
+    return extremes
 
 
 def warn_of_steep_outline(
@@ -172,9 +169,11 @@ def warn_of_steep_outline(
         )
 
 
-def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_]) -> None:
+def warn_of_background(brightness: NDArray[np.float64], solved: NDArray[np.bool_], extremes: Extremes) -> None:
     """Warn where under a fading light many pixels are as dark as what lies behind an object."""
-    dim = _DARK * largest(brightness, solved)
+    dim = _DARK * extremes.brightest
+    if extremes.darkest >= dim:
+        return
     dark = sum(np.count_nonzero((brightness[rows] < dim) & solved[rows]) for rows in row_blocks(solved.shape))
     share = dark / np.count_nonzero(solved)
     if share > _DARK_SHARE:

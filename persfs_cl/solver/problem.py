@@ -16,7 +16,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
-from persfs_cl.shading.model import Light
+from persfs_cl.shading.model import Extremes, Light
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.options import Options
@@ -26,6 +26,8 @@ from persfs_cl.surface.geometry import Discontinuities
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
 _BLOCK = 32
 """Pixels of a side of the blocks that are looked at first."""
+_MANY = 0.5
+"""Share of the blocks: to look at the pixels of more of them one by one takes longer than at all pixels together."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Problem(Given):
         if given.scheme.by_energy:
             return cls(**vars(given), first=0.0, shading=given.image, highest_known=np.inf, level=0.0)
         if given.model.light.determines_depth:
-            shading, first, level = given.model.start(given.image, given.domain.solved, given.grid)
+            shading, first, level = given.model.start(given.image, given.domain.solved, given.grid, given.extremes)
             return cls(**vars(given), first=first, shading=shading, highest_known=np.inf, level=level)
         held = [given.known_values[given.seen]]
         bounds: list[Array] = []
@@ -73,7 +75,7 @@ class Problem(Given):
         return cls(
             **vars(given),
             first=highest + steps * given.max_slope * max(given.grid.dx, given.grid.dy),
-            shading=given.model.shading(given.image),
+            shading=given.model.shading(given.image, given.extremes),
             highest_known=highest,
             level=level,
         )
@@ -125,7 +127,7 @@ class Problem(Given):
         boundary = self.domain.boundary
         return Image(
             log_depth=self.start,
-            brightness=self.model.read_by_kernels(self.shading),
+            brightness=self.shading,
             flags=self.domain.flags,
             # Some are bounds over the whole image.
             parameters=self.model.parameters(
@@ -153,7 +155,8 @@ class Problem(Given):
 
     def corrected(self, image: Array) -> Problem:
         """The same where the image tells the depth, with another brightness to be solved for; `image` stays."""
-        shading, first, level = self.model.start(image, self.domain.solved, self.grid)
+        solved = self.domain.solved
+        shading, first, level = self.model.start(image, solved, self.grid, Extremes.of(image, solved))
         return replace(self, shading=shading, first=first, level=level)
 
     def depth(self, values: Array, *, converged: bool) -> tuple[Array, Array]:
@@ -199,38 +202,41 @@ class Problem(Given):
         if self.limits is not None:
             # As good as known: they are no higher than what they begin with.
             known = known | ~np.isnan(self.limits[1])
-        # Hardly ever is one so high that the pixels need to be looked at one by one.
-        if self._all_within(values, masks.least_steps_to_blocks(known, _BLOCK)):
+        # No way is shorter than the straight one through whatever lies between, which is found much sooner.
+        unreached = self._beyond_straight_steps(values, known, everywhere=bool(present.all()))
+        if not unreached.any():
             return
-        # No way is shorter than that through whatever lies between, which is found much sooner.
-        unreached = self._beyond(values, masks.straight_steps_from(known))
-        if unreached.any() and not present.all():
-            unreached = self._beyond(values, masks.steps_from(known, present))
-        values[unreached] = np.nan
+        if not present.all():
+            steps = masks.steps_from(known, present)
+            unreached = self.domain.solved & (values > self._climbed(steps))
+        np.copyto(values, np.nan, where=unreached)
 
-    def _all_within(self, values: Array, steps: masks.Steps) -> bool:
-        """Whether no block has a value that is higher than so many steps can climb from a known value."""
-        # What is not solved has the value that it began with, which may be as high as any.
+    def _beyond_straight_steps(self, values: Array, known: Mask, *, everywhere: bool) -> Mask:
+        """Which of the pixels to solve are higher than the straight steps can climb that a known value is away.
+
+        `everywhere` says whether all other pixels are known. Most blocks can be decided at once.
+        """
         solved = self.domain.solved
-        counted = values if solved.all() else np.where(solved, values, -np.inf)
-        highest = masks.in_square_blocks(np.maximum, counted, _BLOCK)
-        return bool((highest <= self._climbed(steps)).all())
+        # What is neither solved nor known has the value that it began with, which may be as high as any.
+        counted = values if everywhere else np.where(solved, values, -np.inf)
+        lowest, highest = (masks.in_square_blocks(of, counted, _BLOCK) for of in (np.minimum, np.maximum))
+        least, most = masks.steps_to_blocks(known, _BLOCK)
+        beyond = lowest > self._climbed(most)
+        found: Mask = solved & masks.of_blocks(beyond, _BLOCK, solved.shape)
+        undecided = (highest > self._climbed(least)) & ~beyond
+        if undecided.any():
+            steps, farthest = masks.StraightSteps(known), int(most[undecided].max())
+            many = np.count_nonzero(undecided) > _MANY * undecided.size
+            everything = [(slice(None), slice(None))]
+            for part in everything if many else masks.stretches_of_blocks(undecided, _BLOCK):
+                np.greater(values[part], self._climbed(steps.to(*part, farthest)), out=found[part])
+                found[part] &= solved[part]
+        return found
 
     def _climbed(self, steps: masks.Steps) -> Array:
         """How high so many steps can climb from the highest known value."""
         step = self.max_slope * max(self.grid.dx, self.grid.dy)
         return np.asarray((self.highest_known + step * steps) * (1.0 + 1e-5) + 1e-6)
-
-    def _beyond(self, values: Array, steps: masks.Steps) -> Mask:
-        """Which of the pixels to solve are higher than so many steps can climb from a known value."""
-        found = np.empty(values.shape, bool)
-
-        def compare(rows: slice) -> None:
-            np.greater(values[rows], self._climbed(steps[rows]), out=found[rows])
-            found[rows] &= self.domain.solved[rows]
-
-        in_row_blocks(compare, values.shape)
-        return found
 
     def continue_onto_walls(self, log_depth: Array, depth: Array) -> Discontinuities | None:
         """Give walls a log depth and a depth, in place, and say where they cut the surface; None without walls."""
@@ -251,7 +257,7 @@ class Problem(Given):
         """Pixels to solve where the equation gives no bound to the slope."""
         if self.scheme.by_energy:
             return np.zeros_like(self.domain.solved)
-        return self.model.degenerate(self.image, self.shading, self.domain.solved, self.grid)
+        return self.model.degenerate(self.image, self.shading, self.domain.solved, self.grid, self.extremes)
 
     @property
     def kernels(self) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ import pytest
 import persfs_cl as ps
 from persfs_cl.choices import Precision
 from persfs_cl.scenes.scene import Scene
+from persfs_cl.shading.model import DARKEST, Extremes
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.surface.geometry import log_depth_gradient
 
@@ -130,16 +131,63 @@ class TestAlbedo:
             ps.reconstruct(scene.image, scene.camera, albedo=np.full((30, 34), 0.5))
 
 
+class TestExtremes:
+    """The darkest and the brightest of the pixels to solve."""
+
+    @pytest.mark.parametrize("shape", [(1, 5), (300, 700)])
+    @pytest.mark.parametrize("share", [0.001, 0.5, 1.0])
+    def test_others_may_hold_anything(self, shape: tuple[int, int], share: float) -> None:
+        random = np.random.default_rng(3)
+        image, solved = random.normal(size=shape), random.random(shape) < share
+        solved.flat[0] = True
+        image[~solved] = random.choice([np.nan, -1e90, 1e90, 0.0], np.count_nonzero(~solved))
+        assert Extremes.of(image, solved) == Extremes(image[solved].min(), image[solved].max())
+
+    @pytest.mark.parametrize("place", [0, 100_000, -1])
+    def test_what_is_no_number_is_both(self, place: int) -> None:
+        image = np.ones((300, 700))
+        image.flat[place] = np.nan
+        found = Extremes.of(image, np.ones(image.shape, bool))
+        assert np.isnan([found.darkest, found.brightest]).all()
+
+
+class TestWhereTheSlopeIsNotBounded:
+    """Eq. (7) is coercive where E is above a number of the pixel's own."""
+
+    @pytest.mark.parametrize("light", [ps.ParallelLight(), ps.ParallelLight(0.4, -0.3), ps.ParallelLight(-3.0, 8.0)])
+    @pytest.mark.parametrize("shape", [(1, 40), (70, 33), (150, 260)])
+    def test_blocks_decide_as_their_pixels(self, light: ps.ParallelLight, shape: tuple[int, int]) -> None:
+        random = np.random.default_rng(shape[0])
+        grid = ps.Camera(0.7 * shape[1], principal_point=(0.3 * shape[1], 0.8 * shape[0])).grid(shape)
+        rows, columns = np.indices(shape)
+        offset = grid.x - light.p0, grid.y - light.q0
+        square = offset[0] ** 2 + offset[1] ** 2
+        along = (grid.x * offset[0] + grid.y * offset[1]) ** 2 / (1.0 + grid.x**2 + grid.y**2)
+        for image in (
+            random.random(shape),
+            0.5 + 0.5 * np.sin(rows / 31.0) * np.cos(columns / 17.0),
+            np.full(shape, 0.05),
+            np.sqrt(square - along) / light.norm * (1.0 + 1e-3 * random.normal(size=shape)),
+        ):
+            solved = random.random(shape) < 0.9
+            image[~solved] = random.choice([np.nan, -1e90, 1e90], np.count_nonzero(~solved))
+            model = light.model(ps.Lambertian())
+            found = model.degenerate(image, image, solved, grid, Extremes.of(image, solved))
+            np.testing.assert_array_equal(found, solved & ((light.norm * image) ** 2 <= square - along))
+
+
 class TestFlashWithoutFalloff:
     """A photograph that was corrected for the fall-off of its flash: angles only."""
 
     @each_material
     def test_the_angle_is_found_from_the_brightness(self, material: Reflectance) -> None:
         cosine = np.concatenate([np.linspace(0.0, 1.0, 1001), 1.0 - np.geomspace(1e-9, 1e-3, 50)])
-        found = EVEN_FLASH.model(material).shading(2.5 * material.coaxial(cosine))
+        model, image = EVEN_FLASH.model(material), 2.5 * material.coaxial(cosine)
+        found = model.shading(image, Extremes(image.min(), image.max()))
         np.testing.assert_allclose(found, cosine, atol=1e-8)
-        darker = EVEN_FLASH.model(material).shading(2.5 * material.coaxial(np.array([0.0])) - 0.01)
-        assert (darker <= 0.0).all()
+        grazing = float(2.5 * material.coaxial(0.0))
+        darker = model.shading(np.array([grazing - 0.01, 2.0]), Extremes(grazing - 0.01, 2.0))
+        assert 0.0 < darker[0] <= DARKEST
 
     @materials_take_turns
     @each_material
