@@ -33,7 +33,7 @@ static inline number square_of(const number target, const number highest, const 
 #endif
 }
 
-/* Above 0 where -ln c at t^2 = steep / wide is more than `target`. */
+/* Above 0 where -ln c at t^2 = steep / wide is more than `target`: see far_beyond(). */
 static inline number excess_of(const number steep, const number wide, const number target,
                                const parameter_set *parameters)
 {
@@ -41,5 +41,15 @@ static inline number excess_of(const number steep, const number wide, const numb
     return minus_log_c(steep / wide, parameters) - target;
 #else
     return fnma(exponential(2 * target) - 1, wide, steep);
+#endif
+}
+
+/* Whether that is more by ln 2 / 2, from the excess. */
+static inline integer far_beyond(const number excess, const number wide, const number target)
+{
+#if NEWTON_STEPS > 0
+    return excess > (real)(0.5 * LN_2);
+#else
+    return excess > wide * exponential(2 * target);
 #endif
 }

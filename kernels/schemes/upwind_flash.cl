@@ -22,20 +22,20 @@
 #define MOST_ROUNDS 16
 #define LAMBERTIAN (NEWTON_STEPS == 0)
 
-/* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `here`,
+/* Where both curves meet, for an edge and a triangle, or a value above that. `square` is the t^2 at which D is `begin`,
  * or nearly, where Newton's method had to find it.
  *
- * With m = -ln c as a linear function of t^2 around the place where D is Z_r, at first `here`, and t is t_r,
+ * With m = -ln c as a linear function of t^2 around the place where D is Z_r, at first `begin`, and t is t_r,
  *
  *     2 (base + l - Z_r) + m'(t_r^2) (l^2 - l_r^2) / slope = 0,    l_r^2 = offset + slope t_r^2
  *
- * is a quadratic, l^2 + 2 bend l = rest. Its first root lies between the l at which D is `here` and the one at which U
- * is, whatever the material, and so leads to a value below `here`. How far it is from the true one is of second order
- * in how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it, and short of it by
- * at most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH. With so much more it is beyond, where U is
- * the larger of both, and far less steep than D: that is the value, for which no logarithm is wanted. Where it is not
- * near enough, and for other materials, the larger of both is the value, and where that is D, by more than a share of
- * the change, the place found is the next to begin from.
+ * is a quadratic, l^2 + 2 bend l = rest. Where Z_r is `here`, its first root lies between the l at which D is `here`
+ * and that at which U is, whatever the material, and so leads to a value below `here`. How far it is from the true one
+ * is of second order in how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it,
+ * and short of it by at most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH, upwards or downwards.
+ * With so much more it is beyond, where U is the larger of both, and far less steep than D: that is the value, for
+ * which no logarithm is wanted. Where it is not near enough, and for other materials, the larger of both is the value,
+ * and where that is D, by more than a share of the change, the place found is the next to begin from.
  *
  * From a neighbour that is not there come numbers without meaning, or none: these count for nothing.
  *
@@ -44,12 +44,13 @@
 #define BOTH __attribute__((opencl_unroll_hint(2))) for (int k = 0; k < 2; ++k)
 
 static inline void meet(const number *base, const number *offset, const number *slope, const number here,
-                        const number square, const number log_f, const parameter_set *parameters, number *found)
+                        const number begin, const number square, const number log_f, const parameter_set *parameters,
+                        number *found)
 {
     number per_slope[2], level[2], t_square[2], going[2];
     BOTH {
         per_slope[k] = 1 / slope[k];
-        level[k] = LAMBERTIAN ? here : -0.5f * (log_f + minus_log_c(square, parameters));
+        level[k] = LAMBERTIAN ? begin : -0.5f * (log_f + minus_log_c(square, parameters));
         t_square[k] = square;
         going[k] = -1;
         found[k] = NOWHERE;
@@ -119,7 +120,7 @@ static inline number inner_value(const number log_f, const number here, const nu
     const number target = most(0, -multiply_add(2, here, log_f));
     const number highest = least(left + parameters->step_x, up + parameters->step_y);
     /* NaN where the brightness is. */
-    const number falls = most(here - highest, excess_of(steep, wide, target, parameters));
+    const number excess = excess_of(steep, wide, target, parameters), falls = most(here - highest, excess);
     if (ONLY_LOWER && !any_sign(as_integer(choose(falls > 0, -1, 1))))
         return NOWHERE;
 
@@ -134,9 +135,21 @@ static inline number inner_value(const number log_f, const number here, const nu
     const number offsets[2] = {(number)0, -(ray * width) * width};
     const number slopes_of_both[2] = {wide_edge * (inverse_ray * inverse_ray), inverse_slope};
     const number steepest = 2 * parameters->steepest * ray;
-    const number square = square_of(target, steepest * steepest, parameters);
+    /* Far above where the curves meet, as before its first sweep, a value will come to lie near its neighbour: begin
+     * there. But not where the surface is so steep that even then it lies far above that: each time, what the bound in
+     * meet() leaves would be left. A value that is not far_beyond() is within ln 2 / 4 of the true one, by D. One that
+     * is comes nearer by a step from the neighbour, which leaves far less than that.
+     */
+    const number neighbour = along_x ? left : up;
+    const integer distant = (here - neighbour > NEAR_ENOUGH) & far_beyond(excess, wide, target);
+    number begin = here, square;
+    if (any_sign(as_integer(choose(distant, -1, 1)))) {
+        begin = choose(distant, neighbour, here);
+        square = square_of(most(0, -multiply_add(2, begin, log_f)), steepest * steepest, parameters);
+    } else
+        square = square_of(target, steepest * steepest, parameters);
     number found[2];
-    meet(bases, offsets, slopes_of_both, here, square, log_f, parameters, found);
+    meet(bases, offsets, slopes_of_both, here, begin, square, log_f, parameters, found);
     const number climb_left = found[1] - from_left, climb_up = found[1] - from_up;
     const number facing_x = multiply_add(xx, climb_left, xy * climb_up);
     const number facing_y = multiply_add(xy, climb_left, yy * climb_up);
