@@ -122,8 +122,9 @@ def lay_out(
             f"{int((~wanted).sum())} masked out and {0 if walls is None else int(walls.sum())} walls. "
             "Leave some pixels unknown (NaN)."
         )
-    held = np.zeros(unknown.shape, bool) if held is None else held & unknown
-    if needs_known and not known.any() and not held.any():
+    # Values spread from what is known, and from bounds that pixels begin with.
+    anchors = known if held is None else known | (held & unknown)
+    if needs_known and not anchors.any():
         raise InputError(
             f"No depth is known: give {keyword('known_depth')} at least one finite value that is not behind a wall, or "
             f"a range with {keyword('far')} bounds, for {keyword('surface', 'toward')} with {keyword('near')} ones.",
@@ -131,19 +132,20 @@ def lay_out(
         )
     if window is None:
         window = Window.whole((wanted.shape[0], wanted.shape[1]))
-    counts = int(np.count_nonzero(known | held)), int(np.count_nonzero(unknown))
+    counts = int(np.count_nonzero(anchors)), int(np.count_nonzero(unknown))
     known_inside = window.cut(known)
     if boundary in _RENEWED and np.count_nonzero(known_inside) < np.count_nonzero(known):
         # A chain of known pixels may leave the window and come back.
-        return _laid_out(unknown, known, held, boundary, counts, needs_known=needs_known).cut(window)
-    return _laid_out(window.cut(unknown), known_inside, window.cut(held), boundary, counts, needs_known=needs_known)
+        return _laid_out(unknown, known, anchors, boundary, counts, needs_known=needs_known).cut(window)
+    inside = window.cut(unknown), known_inside, window.cut(anchors)
+    return _laid_out(*inside, boundary, counts, needs_known=needs_known)
 
 
 def _laid_out(
-    unknown: Mask, known: Mask, held: Mask, boundary: str, counts: tuple[int, int], *, needs_known: bool
+    unknown: Mask, known: Mask, anchors: Mask, boundary: str, counts: tuple[int, int], *, needs_known: bool
 ) -> Domain:
-    """Classify pixels without walls; `counts` are those known or held, and the unknown ones, of the image."""
-    reached = unknown & connected(known | held, unknown | known) if needs_known else unknown
+    """Classify pixels without walls; `counts` are the anchors, known or held, and the unknown ones, of the image."""
+    reached = unknown & connected(anchors, unknown | known) if needs_known else unknown
     if not reached.any():
         raise InputError(
             f"None of the {counts[0]} known depths can reach the {counts[1]} pixels to solve: give a known depth "
@@ -152,7 +154,7 @@ def _laid_out(
     present = reached | known
     flags = missing_neighbours(present)
     if boundary == "fixed":
-        open_rim = int(np.count_nonzero(flags[reached]))
+        open_rim = int(np.count_nonzero(reached & (flags != 0)))
         if open_rim:
             raise InputError.about(
                 "boundary",
@@ -160,7 +162,7 @@ def _laid_out(
                 f"needs a known depth on every edge pixel of the image and mask, but {open_rim} have none: add them to "
                 f"{keyword('known_depth')}, or use {keyword('boundary', 'outflow')}.",
             )
-    renewed = _boundary(reached, known | held, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
+    renewed = _boundary(reached, anchors, present, reached & (flags != 0)) if boundary in _RENEWED else _NO_CELLS
     flags |= reached * np.uint8(SWEPT)
     flags.ravel()[renewed.cells] ^= SWEPT
     return Domain(

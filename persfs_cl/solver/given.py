@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks, row_blocks
 from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_mask
 from persfs_cl.choices import Precision
@@ -259,7 +259,7 @@ def check(
 
     grid = window.grid(image_grid)
     offset = model.offset(grid)
-    known_depths = np.where(window.cut(known), 1.0, np.nan) if depths is None else window.cut(depths)
+    known_depths = _assumed(window.cut(known)) if depths is None else window.cut(depths)
     depths_inside = known_depths[layout.known]
     # Those that no solved pixel sees must not spoil the level that keeps single precision for the relief.
     seen = _beside(layout.solved, layout.known)
@@ -324,6 +324,11 @@ def require_albedo_to_fit(albedo: ArrayLike | str | None, scheme: Scheme, paint:
     return True
 
 
+def _assumed(known: Mask) -> Array:
+    """Depths where none is given: 1 at known pixels, NaN elsewhere."""
+    return np.where(known, 1.0, np.nan) if known.any() else np.broadcast_to(np.nan, known.shape)
+
+
 def _brightest(model: Model, grid: PixelGrid, scheme: Scheme) -> float:
     """The largest value that an image may have; an energy only wonders at what noise has made brighter."""
     return (_MOST_NOISE if scheme.by_energy else 1.0) * model.brightest(grid)
@@ -332,14 +337,18 @@ def _brightest(model: Model, grid: PixelGrid, scheme: Scheme) -> float:
 def _copied(image: NDArray[np.floating]) -> tuple[Array, bool]:
     """A copy, so that the solution stays what it is whatever the user does; and whether all of it may be brightness."""
     copy = np.empty(image.shape)
-    usual = True
-    # Longer types hold numbers that become infinite.
-    with np.errstate(over="ignore", invalid="ignore"):
-        for rows in row_blocks(image.shape):
-            block = copy[rows]
+    unusual = []
+
+    def take(rows: slice) -> None:
+        block = copy[rows]
+        # Longer types hold numbers that become infinite.
+        with np.errstate(over="ignore", invalid="ignore"):
             block[:] = image[rows]
-            usual &= bool(block.min() >= -_MOST_LIGHT and block.max() <= _MOST_LIGHT)
-    return copy, usual
+        if not (block.min() >= -_MOST_LIGHT and block.max() <= _MOST_LIGHT):
+            unusual.append(rows)
+
+    in_row_blocks(take, image.shape)
+    return copy, not unusual
 
 
 def _window(wanted: Mask, known: Mask, model: Model, *, assumed: bool, walled: bool) -> Window:

@@ -24,7 +24,7 @@ from persfs_cl.surface.discontinuities import fill_walls
 from persfs_cl.surface.geometry import Discontinuities
 
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
-_BLOCK = 32
+_BLOCK = 16
 """Pixels of a side of the blocks that are looked at first."""
 _MANY = 0.5
 """Share of the blocks: to look at the pixels of more of them one by one takes longer than at all pixels together."""
@@ -223,7 +223,8 @@ class Problem(Given):
         least, most = masks.steps_to_blocks(known, _BLOCK)
         beyond = lowest > self._climbed(most)
         found: Mask = solved & masks.of_blocks(beyond, _BLOCK, solved.shape)
-        undecided = (highest > self._climbed(least)) & ~beyond
+        # Where a value is known itself, it is no higher than what one step climbs.
+        undecided = (highest > self._climbed(np.maximum(least, 1))) & ~beyond
         if undecided.any():
             steps, farthest = masks.StraightSteps(known), int(most[undecided].max())
             many = np.count_nonzero(undecided) > _MANY * undecided.size

@@ -45,9 +45,13 @@ def first_account(
     """
     high, wide = part
     across = max(first_column + layout.width, last_column)
-    swept = np.zeros((len(images), -(-layout.height // high) * high, -(-across // wide) * wide), bool)
-    for image, inside in zip(images, swept, strict=True):
+    # Of all rows of a part together first, which are reduced many at a time.
+    swept = np.zeros((len(images), -(-layout.height // high), -(-across // wide) * wide), np.uint8)
+    for image, lines in zip(images, swept, strict=True):
         rows, columns = image.flags.shape
-        np.not_equal(image.flags & SWEPT, 0, out=inside[:rows, first_column : first_column + columns])
-    parts = swept.reshape(len(images), swept.shape[1] // high, high, -1, wide).any(axis=(2, 4))
+        for line, top in zip(lines, range(0, rows, high), strict=False):
+            flags = image.flags[top : top + high]
+            np.bitwise_or.reduce(flags, axis=0, out=line[first_column : first_column + columns])
+    swept &= SWEPT
+    parts = swept.reshape(len(images), swept.shape[1], -1, wide).any(axis=3)
     return np.pad(np.where(parts, before, 0).astype(np.int32), ((0, 0), (border, border), (border, border)))
