@@ -368,47 +368,61 @@ class FlashModel(_LampModel):
                 f"{NEAREST:g} and {FARTHEST:g}.",
             )
 
-    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, Array, float]:
-        """See :meth:`Model.start`.
-
-        From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light; with the
-        lamp off the axis likewise at the distance from the lamp. The level is about the median of that.
-        """
-        shading, first = np.empty(image.shape), np.empty(image.shape)
+    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, float]:
+        """See :meth:`Model.start`; the level is about the median of the first values."""
         darkest, per_gain = _BLACK * extremes.brightest, 1.0 / self.light.known_gain
         everything = bool(solved.all())
         pixels = solved if everything else np.flatnonzero(solved)
         some = sampled(pixels, _SAMPLES)
         row, column = np.divmod(some if everything else pixels[some], image.shape[1])
+        x, y = grid.x[column], grid.y[row, 0]
         typical = np.maximum(image[row, column], darkest) * per_gain
-        begins = np.empty_like(typical)
-        self._begin(typical, begins, grid.x[column], grid.y[row, 0], 0.0)
-        level = median(begins)
+        first = np.empty_like(typical)
+        self._read(typical, x, y, 0.0)
+        self._first(typical, x, y, 0.0, first)
+        level = median(first)
+        shading = np.empty(image.shape)
 
-        def begin(rows: slice) -> None:
+        def read(rows: slice) -> None:
             block = np.maximum(image[rows], darkest, out=shading[rows])
             block *= per_gain
-            outside = None if everything else ~solved[rows]
-            if outside is not None:
+            if not everything:
                 # What is not solved may hold anything.
-                np.copyto(block, 1.0, where=outside)
-            self._begin(block, first[rows], grid.x, grid.y[rows], level)
-            if outside is not None:
-                np.copyto(first[rows], -level, where=outside)
+                np.copyto(block, 1.0, where=~solved[rows])
+            self._read(block, grid.x, grid.y[rows], level)
 
-        in_row_blocks(begin, image.shape)
-        return shading, first, level
+        in_row_blocks(read, image.shape)
+        return shading, level
 
-    def _begin(self, seen: Array, first: Array, x: Array, y: Array, level: float) -> None:
-        """Make of brightness above 0, under a gain of 1, what the kernels read, and the first values, less the level.
+    def first(self, shading: Array, solved: Mask, grid: PixelGrid, level: float) -> Array:
+        """See :meth:`Model.first`.
 
-        Both are written in place: arrays for what lies between would cost more than the arithmetic.
+        From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light; with the
+        lamp off the axis likewise at the distance from the lamp.
         """
-        seen *= np.add(x**2, 1.0 + y**2, out=first)
-        np.log(seen, out=first)
-        first *= -0.5
-        first += 0.5 * math.log(self.reflectance.brightest) - level
+        first = np.empty(shading.shape)
+        everything = bool(solved.all())
+
+        def begin(rows: slice) -> None:
+            self._first(shading[rows], grid.x, grid.y[rows], level, first[rows])
+            if not everything:
+                np.copyto(first[rows], -level, where=~solved[rows])
+
+        in_row_blocks(begin, first.shape)
+        return first
+
+    # Both in place: arrays for what lies between would cost more than the arithmetic.
+
+    def _read(self, seen: Array, x: Array, y: Array, level: float) -> None:
+        """Make of brightness above 0, under a gain of 1, what the kernels read: F."""
+        seen *= 1.0 + x**2 + y**2
         seen *= math.exp(2.0 * level)
+
+    def _first(self, read: Array, x: Array, y: Array, level: float, first: Array) -> None:
+        """Make of what they read the first values."""
+        np.log(read, out=first)
+        first -= math.log(self.reflectance.brightest)
+        first *= -0.5
 
     def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
         """Black pixels."""
@@ -433,13 +447,16 @@ class UpwindFlashModel(FlashModel):
         """See :meth:`Model.equation`."""
         return super().equation(np.exp(brightness), x, y, numbers, steepest)
 
-    def _begin(self, seen: Array, first: Array, x: Array, y: Array, level: float) -> None:
+    def _read(self, seen: Array, x: Array, y: Array, level: float) -> None:
         """The kernels read ln F, which they would have to compute for each cell."""
-        seen *= np.add(x**2, 1.0 + y**2, out=first)
+        seen *= 1.0 + x**2 + y**2
         np.log(seen, out=seen)
         seen += 2.0 * level
-        np.multiply(seen, -0.5, out=first)
-        first += 0.5 * math.log(self.reflectance.brightest)
+
+    def _first(self, read: Array, x: Array, y: Array, level: float, first: Array) -> None:
+        """See :class:`FlashModel`."""
+        np.subtract(read, math.log(self.reflectance.brightest), out=first)
+        first *= -0.5
 
 
 @dataclass(frozen=True)
@@ -459,16 +476,19 @@ class OffAxisModel(FlashModel):
         direction = Direction(nowhere, nowhere, nowhere)
         return LampEquation(brightness, x, y, direction, steepest, self.light.offset, self.reflectance)
 
-    def _begin(self, seen: Array, first: Array, x: Array, y: Array, level: float) -> None:
+    def _read(self, seen: Array, x: Array, y: Array, level: float) -> None:
+        """The brightness itself is F."""
+        seen *= math.exp(2.0 * level)
+
+    def _first(self, read: Array, x: Array, y: Array, level: float, first: Array) -> None:
         """From the farther depth at which a ray is so far from the lamp, or else the nearest that there is."""
         right, below, ahead = self.light.offset
         square_ray, along = 1.0 + x**2 + y**2, right * x + below * y + ahead
-        square_distance = self.reflectance.brightest / seen
+        square_distance = (self.reflectance.brightest * math.exp(2.0 * level)) / read
         excess = along**2 + square_ray * (square_distance - (right**2 + below**2 + ahead**2))
         farther = (along + np.sqrt(np.maximum(excess, 0.0))) / square_ray
         np.log(np.maximum(farther, self.nearest_depth(x, y)), out=first)
         first -= level
-        seen *= math.exp(2.0 * level)
 
     def nearest_depth(self, x: Array, y: Array) -> Array:
         """Depth at which the equation ends, of rays (x, y, 1), as in kernels/models/off_axis_lamp.cl.

@@ -319,11 +319,15 @@ class Model(ABC):
         """InputError when image and light put the surface where numbers end, where the image tells the depth."""
         return
 
-    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, Array, float]:
-        """Where the image tells the depth: what the kernels read, the values to begin with, less a level, and that.
+    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, float]:
+        """Where the image tells the depth: what the kernels read in place of it, and a level to subtract from Z.
 
         Black pixels would lie at infinity; they are given a little light.
         """
+        raise TypeError(f"{self.light!r} does not tell how far away things are")
+
+    def first(self, shading: Array, solved: Mask, grid: PixelGrid, level: float) -> Array:
+        """The values to begin with, less the level, from what :meth:`start` gives."""
         raise TypeError(f"{self.light!r} does not tell how far away things are")
 
     # What a scheme ends with.

@@ -36,8 +36,8 @@ class Problem(Given):
 
     Attributes
     ----------
-    first : ndarray of float64, shape (height, width), or float
-        Values of W, less `level`, from which the others begin: above all known ones.
+    first : ndarray of float64, shape (height, width), or float, or None
+        Values of W, less `level`, from which the others begin: above all known ones. None where the image tells them.
     shading : ndarray of float64, shape (height, width)
         What the kernels read in place of the image, see :class:`persfs_cl.shading.model.Model`; at the scale of `level`
         where the image tells the depth.
@@ -48,7 +48,7 @@ class Problem(Given):
         relief.
     """
 
-    first: Array | float
+    first: Array | float | None
     shading: Array
     highest_known: float
     level: float
@@ -59,8 +59,8 @@ class Problem(Given):
         if given.scheme.by_energy:
             return cls(**vars(given), first=0.0, shading=given.image, highest_known=np.inf, level=0.0)
         if given.model.light.determines_depth:
-            shading, first, level = given.model.start(given.image, given.domain.solved, given.grid, given.extremes)
-            return cls(**vars(given), first=first, shading=shading, highest_known=np.inf, level=level)
+            shading, level = given.model.start(given.image, given.domain.solved, given.grid, given.extremes)
+            return cls(**vars(given), first=None, shading=shading, highest_known=np.inf, level=level)
         held = [given.known_values[given.seen]]
         bounds: list[Array] = []
         if given.depth_range is not None:
@@ -97,7 +97,10 @@ class Problem(Given):
     def start(self) -> Array:
         """First values of W, less `level`, in an array of their own."""
         known = self.domain.known
-        start = np.full(known.shape, self.first)
+        if self.first is None:
+            start = self.model.first(self.shading, self.domain.solved, self.grid, self.level)
+        else:
+            start = np.full(known.shape, self.first)
         start[known] = self.known_values - self.level
         if self.scheme.outside is not None:
             # What is not there must not look like a low neighbour.
@@ -156,8 +159,8 @@ class Problem(Given):
     def corrected(self, image: Array) -> Problem:
         """The same where the image tells the depth, with another brightness to be solved for; `image` stays."""
         solved = self.domain.solved
-        shading, first, level = self.model.start(image, solved, self.grid, Extremes.of(image, solved))
-        return replace(self, shading=shading, first=first, level=level)
+        shading, level = self.model.start(image, solved, self.grid, Extremes.of(image, solved))
+        return replace(self, shading=shading, level=level)
 
     def depth(self, values: Array, *, converged: bool) -> tuple[Array, Array]:
         """Log depth, in the place of the values of a run, and depth; NaN where there is none.
