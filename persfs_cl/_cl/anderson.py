@@ -17,6 +17,8 @@ from persfs_cl._cl.run import Run
 DEPTH = 5
 """Differences that are mixed."""
 _SLOTS = DEPTH + 1
+NUMBERS_A_PIXEL = 2 * _SLOTS + 2
+"""What it takes on the device, beside the values themselves."""
 _SUMS = 2 * DEPTH + 5
 _IDLE = -1
 _LANES = 4
@@ -95,7 +97,6 @@ class Mixer:
                 "sums": allocate(device, run.images * layout.height * _SUMS * self._real.itemsize),
                 "parts": 2 if layout.apart else 1,
             }
-            cl.enqueue_copy(device.queue, self._values["base"], run.values["log_depth"])
 
     def products(self, images: Sequence[int]) -> list[Products]:
         """Note what these images have come to since :meth:`mix`, and multiply; 0 where there is no difference yet."""
@@ -104,8 +105,9 @@ class Mixer:
         sums = np.empty((run.images, run.layout.height, _SUMS), self._real)
         with run.device.lock, in_words(run.device):
             for image in chosen:
-                if not self._kept[image]:  # what is noted first
-                    self._copy(run.values["log_depth"], self._values["ceiling"], image)
+                if not self._kept[image]:  # what is noted first, and has come from nowhere
+                    for noted in ("ceiling", "base"):
+                        self._copy(run.values["log_depth"], self._values[noted], image)
             self._launch(self._sum, chosen, self._kept)
             cl.enqueue_copy(run.device.queue, sums, self._values["sums"])
         self._kept[chosen] = np.minimum(self._kept[chosen] + 1, DEPTH)

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from persfs_cl._cl.anderson import NUMBERS_A_PIXEL
 from persfs_cl._cl.device import Device
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.iterate import Watch
@@ -28,6 +29,9 @@ _MOST_PIXELS = {"cpu": 2**21, "gpu": 2**24}
 
 _IMAGES_A_PROCESSOR = 4
 """Images of a piece for each processor, where one takes whole images."""
+
+_MOST_MEMORY = 3 / 4
+"""Share of the device's memory that a piece may take."""
 
 _WHOLE_IMAGES = 2**20
 """Up to so many pixels a processor may take a whole image, see :mod:`persfs_cl._cl.orderings.choices`."""
@@ -53,13 +57,13 @@ def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) ->
     list of list of int
         In the order of the first number of each.
     """
-    # Values, their copy, brightness and flags, with something to spare for padding.
-    bytes_a_pixel = 3 * np.dtype(precision).itemsize + 2
+    # Values, their copy and brightness, what acceleration keeps, and flags.
+    bytes_a_pixel = (3 + NUMBERS_A_PIXEL) * np.dtype(precision).itemsize + 1
     found = []
     for (height, width), numbers in _alike(shapes):
         # Index arithmetic within an array is done in 32 bits here and there, hence the second bound.
         cells = (height + 96) * (width + 96)
-        most = min(device.memory // (4 * cells * bytes_a_pixel), 2**30 // cells)
+        most = min(int(_MOST_MEMORY * device.memory) // (cells * bytes_a_pixel), 2**30 // cells)
         useful = busy_pixels(device) // (height * width)
         if height * width <= _WHOLE_IMAGES:
             useful = max(useful, _IMAGES_A_PROCESSOR * device.compute_units)

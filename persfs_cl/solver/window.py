@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl.arrays import Mask
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.grid import PixelGrid
 from persfs_cl.masks import NONE
 
@@ -78,8 +79,12 @@ class Window:
         """The part within the image, `fill` around it; the very array where it is the whole."""
         if self.is_whole:
             return part
-        # Memory that the system hands out as zeros is not touched.
-        image = np.full(self.image_shape, fill, part.dtype) if fill else np.zeros(self.image_shape, part.dtype)
+        if fill:
+            image = np.empty(self.image_shape, part.dtype)
+            in_row_blocks(lambda rows: image[rows].fill(fill), self.image_shape)
+        else:
+            # Memory that the system hands out as zeros is not touched.
+            image = np.zeros(self.image_shape, part.dtype)
         self.paste(part, image)
         return image
 
