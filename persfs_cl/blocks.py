@@ -27,8 +27,8 @@ def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
 def in_row_blocks(work: Callable[[slice], None], shape: tuple[int, ...]) -> None:
     """Do some work for all rows of an image, some at a time, by as many threads as are worth it.
 
-    For work that is NumPy's for the most part, which lets other threads go on. Threads neither warn nor have what
-    `numpy.errstate` says around the call.
+    For work that is NumPy's for the most part, which lets other threads go on. What `numpy.errstate` says around the
+    call holds for some of the blocks only.
     """
     left = list(row_blocks(shape))
     helpers = min(usable_cores(), len(left) // _LEAST_BLOCKS) - 1
@@ -39,7 +39,11 @@ def in_row_blocks(work: Callable[[slice], None], shape: tuple[int, ...]) -> None
                 rows = left.pop()
             except IndexError:  # another was faster
                 return
-            work(rows)
+            try:
+                work(rows)
+            except BaseException:
+                left.clear()
+                raise
 
     if helpers < 1:
         take_turns()

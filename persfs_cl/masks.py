@@ -169,7 +169,7 @@ def straight_steps_from(seeds: Mask) -> Steps:
 
 
 def steps_to_blocks(seeds: Mask, side: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """For each block of side x side pixels, bounds of the fewest steps from a seed to any pixel of it.
+    """For each block of side x side pixels no more, and no less, than the fewest steps from a seed to any pixel of it.
 
     Found much sooner than :func:`straight_steps_from`. Without a seed they have no meaning.
     """

@@ -29,26 +29,36 @@ def test_all_rows_are_worked_on_once_by_one_thread_or_several(
     monkeypatch.setattr(blocks, "_PIXELS", 2**10)
     monkeypatch.setattr(blocks, "usable_cores", lambda: cores)
     counts = np.zeros((height, 100), int)
-    threads = set()
+    threads, together = set(), threading.Event()
+    several = cores > 1 and height == 900
 
     def work(rows: slice) -> None:
         counts[rows] += 1
         threads.add(threading.get_ident())
+        if len(threads) > 1 or not several:
+            together.set()
+        assert together.wait(60.0)
 
     in_row_blocks(work, counts.shape)
     assert (counts == 1).all()
-    assert (threads == {threading.get_ident()}) == (cores == 1 or height < 900)
+    assert (threads != {threading.get_ident()}) == several
 
 
-def test_what_a_thread_raises_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("by_helper", [True, False])
+def test_what_a_thread_raises_is_raised_and_ends_the_work(by_helper: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "usable_cores", lambda: 2)
+    caller, raised, done = threading.get_ident(), threading.Event(), []
 
     def work(rows: slice) -> None:
-        if rows.start > 500:
+        if (threading.get_ident() != caller) == by_helper:
+            raised.set()
             raise ZeroDivisionError
+        assert raised.wait(60.0)
+        done.append(rows)
 
     with pytest.raises(ZeroDivisionError):
         in_row_blocks(work, (1000, 1000))
+    assert len(done) < 8, "of 16 blocks"
 
 
 @given(st.integers(0, 10_000), st.integers(1, 9), st.integers(1, 9), st.integers(0, 8), st.integers(1, 9))

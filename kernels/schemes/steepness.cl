@@ -33,7 +33,9 @@ static inline number square_of(const number target, const number highest, const 
 #endif
 }
 
-/* Above 0 where -ln c at t^2 = steep / wide is more than `target`: see far_beyond(). */
+/* Above 0 where -ln c at t^2 = steep / wide is more than `target`: the difference, or for a Lambertian material, which
+ * so needs no division, that of t^2, times `wide`.
+ */
 static inline number excess_of(const number steep, const number wide, const number target,
                                const parameter_set *parameters)
 {
@@ -44,7 +46,7 @@ static inline number excess_of(const number steep, const number wide, const numb
 #endif
 }
 
-/* Whether that is more by ln 2 / 2, from the excess. */
+/* Whether -ln c at t^2 = steep / wide is more than `target` by ln 2 / 2; `excess` is what excess_of() gave. */
 static inline integer far_beyond(const number excess, const number wide, const number target)
 {
 #if NEWTON_STEPS > 0

@@ -136,9 +136,10 @@ static inline number inner_value(const number log_f, const number here, const nu
     const number slopes_of_both[2] = {wide_edge * (inverse_ray * inverse_ray), inverse_slope};
     const number steepest = 2 * parameters->steepest * ray;
     /* Far above where the curves meet, as before its first sweep, a value will come to lie near its neighbour: begin
-     * there. But not where the surface is so steep that even then it lies far above that: each time, what the bound in
-     * meet() leaves would be left. A value that is not far_beyond() is within ln 2 / 4 of the true one, by D. One that
-     * is comes nearer by a step from the neighbour, which leaves far less than that.
+     * there. Where the surface is steep, the value lies far above its neighbour at the limit too. If it began there in
+     * every sweep, it would be left as far above the limit as the bound in meet() is: the value must begin from itself
+     * once it is near. One that is not far_beyond() is within ln 2 / 4 of the limit, by D. One that is has farther to go
+     * than a step from the neighbour leaves.
      */
     const number neighbour = along_x ? left : up;
     const integer distant = (here - neighbour > NEAR_ENOUGH) & far_beyond(excess, wide, target);

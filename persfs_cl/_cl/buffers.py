@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import out_of_memory
-from persfs_cl._cl.layout import ALIGNMENT, aligned
+from persfs_cl._cl.layout import ALIGNMENT
 
 
 def upload(device: Device, values: NDArray[Any]) -> cl.Buffer:
@@ -41,9 +41,6 @@ def allocate(device: Device, size: int) -> cl.Buffer:
     DeviceError
         When the device has no memory for them.
     """
-    if device.kind == "cpu":
-        # NumPy asks the system for large pages, which drivers do not: a first touch of each page is dear.
-        return upload(device, aligned(size))
     try:
         return cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size)
     except (cl.MemoryError, cl.LogicError) as error:

@@ -19,7 +19,7 @@ class Image:
     ----------
     log_depth : ndarray of float64, shape (height, width)
         Start values, known values included.
-    brightness : ndarray of float64, shape (height, width)
+    brightness : ndarray of float, shape (height, width)
         E.
     flags : ndarray of uint8, shape (height, width)
         See :mod:`persfs_cl.masks`.
@@ -41,7 +41,7 @@ class Image:
     """
 
     log_depth: NDArray[np.float64]
-    brightness: NDArray[np.float64]
+    brightness: NDArray[np.floating]
     flags: NDArray[np.uint8]
     parameters: Mapping[str, float]
     x_axis: NDArray[np.float64]
@@ -53,7 +53,7 @@ class Image:
     outside: float | None = None
     limits: NDArray[np.float64] | None = None
 
-    def marked_brightness(self, rows: slice) -> NDArray[np.float64]:
+    def marked_brightness(self, rows: slice) -> NDArray[np.floating]:
         """E as the kernels read it, in some rows: NaN where not swept, its sign set where a neighbour is missing."""
         flags = self.flags[rows]
         swept = (flags & SWEPT) != 0

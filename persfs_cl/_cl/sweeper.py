@@ -17,7 +17,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.kernel import in_row_groups, kernel, row_group
-from persfs_cl._cl.layout import Layout
+from persfs_cl._cl.layout import Layout, aligned
 from persfs_cl._cl.limits import constants_of, stored_limits
 from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, Ordering, Setup
@@ -140,7 +140,8 @@ class Sweeper:
         rows = np.stack([layout.row_table(image.y_axis) for image in images])
         values = {
             "log_depth": upload(device, stored),
-            "previous": allocate(device, stored.nbytes),
+            # NumPy asks the system for large pages, as drivers do not: to touch each page first is dear.
+            "previous": upload(device, aligned(stored.nbytes)),
             "brightness": upload(device, brightness),
             "flags": upload(device, flags),
             "limits": upload(device, stored_limits(images, layout, real, self._limits.get("LIMITS", 0))),

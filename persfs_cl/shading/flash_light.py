@@ -11,11 +11,12 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.checks import FARTHEST, NEAREST, as_flag, as_number, as_numbers
+from persfs_cl.choices import Precision
 from persfs_cl.errors import InputError
 from persfs_cl.grid import PixelGrid
 from persfs_cl.quantiles import median, sampled
@@ -310,7 +311,9 @@ class HeadlightModel(_LampModel):
         """
         return self.not_black(self.reflectance.facing(image / self.light.known_gain), self._cosines(extremes).darkest)
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
+    def degenerate(
+        self, image: Array, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, extremes: Extremes
+    ) -> Mask:
         """Every pixel that is as dark as the material at grazing."""
         cosines = self._cosines(extremes)
         if cosines.darkest > (black := max(_BLACK * cosines.brightest, DARKEST)):
@@ -368,7 +371,9 @@ class FlashModel(_LampModel):
                 f"{NEAREST:g} and {FARTHEST:g}.",
             )
 
-    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, float]:
+    def start(
+        self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes, precision: Precision
+    ) -> tuple[NDArray[np.floating], float]:
         """See :meth:`Model.start`; the level is about the median of the first values."""
         darkest, per_gain = _BLACK * extremes.brightest, 1.0 / self.light.known_gain
         everything = bool(solved.all())
@@ -381,20 +386,21 @@ class FlashModel(_LampModel):
         self._read(typical, x, y, 0.0)
         self._first(typical, x, y, 0.0, first)
         level = median(first)
-        shading = np.empty(image.shape)
+        shading = np.empty(image.shape, precision)
 
         def read(rows: slice) -> None:
-            block = np.maximum(image[rows], darkest, out=shading[rows])
+            block = np.maximum(image[rows], darkest)
             block *= per_gain
             if not everything:
                 # What is not solved may hold anything.
                 np.copyto(block, 1.0, where=~solved[rows])
             self._read(block, grid.x, grid.y[rows], level)
+            shading[rows] = block
 
         in_row_blocks(read, image.shape)
         return shading, level
 
-    def first(self, shading: Array, solved: Mask, grid: PixelGrid, level: float) -> Array:
+    def first(self, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, level: float) -> Array:
         """See :meth:`Model.first`.
 
         From exp(2 Z) F = c(θ) follows Z <= ½ ln(max c / F), where the surface would return the most light; with the
@@ -411,20 +417,22 @@ class FlashModel(_LampModel):
         in_row_blocks(begin, first.shape)
         return first
 
-    # Both in place: arrays for what lies between would cost more than the arithmetic.
+    # Both write in place: arrays for what lies between would cost more than the arithmetic.
 
     def _read(self, seen: Array, x: Array, y: Array, level: float) -> None:
-        """Make of brightness above 0, under a gain of 1, what the kernels read: F."""
+        """Make of brightness above 0, under a gain of 1, what the kernels read: F exp(2 level)."""
         seen *= 1.0 + x**2 + y**2
         seen *= math.exp(2.0 * level)
 
-    def _first(self, read: Array, x: Array, y: Array, level: float, first: Array) -> None:
+    def _first(self, read: NDArray[np.floating], x: Array, y: Array, level: float, out: Array) -> None:
         """Make of what they read the first values."""
-        np.log(read, out=first)
-        first -= math.log(self.reflectance.brightest)
-        first *= -0.5
+        np.log(read, out=out, dtype=np.float64)
+        out -= math.log(self.reflectance.brightest)
+        out *= -0.5
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
+    def degenerate(
+        self, image: Array, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, extremes: Extremes
+    ) -> Mask:
         """Black pixels."""
         if extremes.darkest > (black := _BLACK * extremes.brightest):
             return np.zeros_like(solved)
@@ -448,15 +456,15 @@ class UpwindFlashModel(FlashModel):
         return super().equation(np.exp(brightness), x, y, numbers, steepest)
 
     def _read(self, seen: Array, x: Array, y: Array, level: float) -> None:
-        """The kernels read ln F, which they would have to compute for each cell."""
+        """Its logarithm, ln F + 2 level, which the kernels would have to compute for each cell."""
         seen *= 1.0 + x**2 + y**2
         np.log(seen, out=seen)
         seen += 2.0 * level
 
-    def _first(self, read: Array, x: Array, y: Array, level: float, first: Array) -> None:
+    def _first(self, read: NDArray[np.floating], x: Array, y: Array, level: float, out: Array) -> None:
         """See :class:`FlashModel`."""
-        np.subtract(read, math.log(self.reflectance.brightest), out=first)
-        first *= -0.5
+        np.subtract(read, math.log(self.reflectance.brightest), out=out, dtype=np.float64)
+        out *= -0.5
 
 
 @dataclass(frozen=True)
@@ -477,18 +485,18 @@ class OffAxisModel(FlashModel):
         return LampEquation(brightness, x, y, direction, steepest, self.light.offset, self.reflectance)
 
     def _read(self, seen: Array, x: Array, y: Array, level: float) -> None:
-        """The brightness itself is F."""
+        """The brightness itself is F, see :class:`FlashModel`."""
         seen *= math.exp(2.0 * level)
 
-    def _first(self, read: Array, x: Array, y: Array, level: float, first: Array) -> None:
+    def _first(self, read: NDArray[np.floating], x: Array, y: Array, level: float, out: Array) -> None:
         """From the farther depth at which a ray is so far from the lamp, or else the nearest that there is."""
         right, below, ahead = self.light.offset
         square_ray, along = 1.0 + x**2 + y**2, right * x + below * y + ahead
-        square_distance = (self.reflectance.brightest * math.exp(2.0 * level)) / read
+        square_distance = (self.reflectance.brightest * math.exp(2.0 * level)) / read.astype(np.float64)
         excess = along**2 + square_ray * (square_distance - (right**2 + below**2 + ahead**2))
         farther = (along + np.sqrt(np.maximum(excess, 0.0))) / square_ray
-        np.log(np.maximum(farther, self.nearest_depth(x, y)), out=first)
-        first -= level
+        np.log(np.maximum(farther, self.nearest_depth(x, y)), out=out)
+        out -= level
 
     def nearest_depth(self, x: Array, y: Array) -> Array:
         """Depth at which the equation ends, of rays (x, y, 1), as in kernels/models/off_axis_lamp.cl.

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import row_blocks
-from persfs_cl.choices import Boundary
+from persfs_cl.choices import Boundary, Precision
 from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.equations import Equation
 from persfs_cl.shading.reflectance import Reflectance
@@ -311,7 +311,10 @@ class Model(ABC):
 
     @staticmethod
     def not_black(shading: Array, darkest: float) -> Array:
-        """Cosines of which none is 0: where such a cell has no viscosity either, no neighbour weighs anything."""
+        """Cosines of which none is 0: where such a cell has no viscosity either, no neighbour weighs anything.
+
+        `darkest` is the least of those that are read.
+        """
         # NaN, of what is not solved, stays.
         return shading if darkest >= DARKEST else np.maximum(shading, DARKEST)
 
@@ -319,21 +322,25 @@ class Model(ABC):
         """InputError when image and light put the surface where numbers end, where the image tells the depth."""
         return
 
-    def start(self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> tuple[Array, float]:
+    def start(
+        self, image: Array, solved: Mask, grid: PixelGrid, extremes: Extremes, precision: Precision
+    ) -> tuple[NDArray[np.floating], float]:
         """Where the image tells the depth: what the kernels read in place of it, and a level to subtract from Z.
 
-        Black pixels would lie at infinity; they are given a little light.
+        The first is in the precision of the device. Black pixels would lie at infinity; they are given a little light.
         """
         raise TypeError(f"{self.light!r} does not tell how far away things are")
 
-    def first(self, shading: Array, solved: Mask, grid: PixelGrid, level: float) -> Array:
+    def first(self, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, level: float) -> Array:
         """The values to begin with, less the level, from what :meth:`start` gives."""
         raise TypeError(f"{self.light!r} does not tell how far away things are")
 
     # What a scheme ends with.
 
     @abstractmethod
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
+    def degenerate(
+        self, image: Array, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, extremes: Extremes
+    ) -> Mask:
         """Pixels to solve where the equation gives no bound to the slope."""
 
     def nearest_depth(self, x: Array, y: Array) -> Array | None:

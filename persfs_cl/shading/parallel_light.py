@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
@@ -30,7 +30,7 @@ _BLOCK = 32
 """Pixels of a side of the blocks that are looked at before their pixels."""
 
 _ROUNDING = 1e-7
-"""Of the root of a sum of squares, compared with the largest of these, and some."""
+"""Of the root of a difference of squares, compared with the larger one, and some."""
 
 _MARGIN, _SMALL_MARGIN = 1.02, 1.001
 """More than a slope, and a value with level top, can rise between its samples above the largest of them."""
@@ -179,7 +179,9 @@ class CosineModel(_ParallelModel):
         """See :meth:`Model.too_bright`."""
         return "E must lie in [0, 1]. Use normalise_grey, or divide by the brightest value."
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
+    def degenerate(
+        self, image: Array, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, extremes: Extremes
+    ) -> Mask:
         """Pixels where {P : H(P) <= 0} is unbounded, H not coercive.
 
         The set is bounded where A = e² (I + xx') - ññ', e = k E, is positive definite: for
@@ -212,11 +214,12 @@ class CosineModel(_ParallelModel):
         along = alongs_x[0] + alongs_y[0], alongs_x[1] + alongs_y[1]
         closest = np.maximum(0.0, np.maximum(along[0], -along[1]))
         farthest = np.maximum(-along[0], along[1])
+        largest = squares_x[1] + squares_y[1]
         least = squares_x[0] + squares_y[0] - farthest**2 / (1.0 + rays_x[0] + rays_y[0])
-        most = squares_x[1] + squares_y[1] - closest**2 / (1.0 + rays_x[1] + rays_y[1])
+        most = largest - closest**2 / (1.0 + rays_x[1] + rays_y[1])
         # Beyond what rounding makes of it.
-        rounding = _ROUNDING * self.light.norm
-        return np.sqrt(np.maximum(least, 0.0)) - rounding, np.sqrt(most) + rounding
+        rounding = _ROUNDING * np.sqrt(largest)
+        return np.sqrt(np.maximum(least, 0.0)) - rounding, np.sqrt(np.maximum(most, 0.0)) + rounding
 
 
 def _terms_of_blocks(coordinate: Array, slope: float) -> list[tuple[Array, Array]]:
@@ -281,7 +284,9 @@ class MaterialModel(_ParallelModel):
         """See :meth:`Model.too_bright`."""
         return f"{self.reflectance!r} is seen no brighter than {most:.3g} under this light. Scale the image."
 
-    def degenerate(self, image: Array, shading: Array, solved: Mask, grid: PixelGrid, extremes: Extremes) -> Mask:
+    def degenerate(
+        self, image: Array, shading: NDArray[np.floating], solved: Mask, grid: PixelGrid, extremes: Extremes
+    ) -> Mask:
         """Every pixel that is as dark as the material at grazing."""
         between = self._between(grid)
         grazing = self.reflectance.shade(np.sqrt(np.maximum(0.0, 1.0 - between**2)), 0.0, between)

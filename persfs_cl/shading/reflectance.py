@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -101,8 +102,14 @@ class Reflectance(ABC):
         >>> bool(abs(rough.facing(rough.coaxial(0.7)) - 0.7) < 1e-6)
         True
         """
-        cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
-        return np.interp(returned, self.coaxial(cosines), cosines)
+        return np.interp(returned, *_returned_at_cosines(self))
+
+
+@lru_cache(maxsize=8)
+def _returned_at_cosines(reflectance: Reflectance) -> tuple[Array, Array]:
+    """What a material returns at many angles, from grazing to face on, and their cosines."""
+    cosines = np.sin(np.linspace(0.0, 0.5 * np.pi, _ANGLES))
+    return reflectance.coaxial(cosines), cosines
 
 
 def visible(cosine: ArrayLike) -> Array:

@@ -188,10 +188,11 @@ def check(
     require_scale(light, told, options["guide_scale"], others=known_depth is not None or depth_range is not None)
     fits_albedo = require_albedo_to_fit(albedo, scheme, options["paint"], guided=told is not None)
     sign = 1.0 if options["surface"] == "away" else -1.0
-    depths = None if known_depth is None else as_known_depth("known_depth", known_depth, shape)[0]
+    depths, given_at = (None, None) if known_depth is None else as_known_depth("known_depth", known_depth, shape)
     within = None if depth_range is None else DepthRange.of(depth_range, shape)
     if within is not None:
         depths = within.with_known(depths)
+        given_at = None if depths is None else ~np.isnan(depths)
     given_range = within
     if told is not None and options["guide_scale"] == "fixed":
         if light.unknown is not None:
@@ -199,7 +200,7 @@ def check(
         elif not (light.determines_depth or scheme.by_energy):
             # The photograph says nothing of the level: the first surface lies near the guide.
             near_guide = (within or DepthRange.none(shape)).within(*band(told.cells, options["guide_tolerance"]))
-            within = near_guide if depths is None else near_guide.but(~np.isnan(depths))
+            within = near_guide if given_at is None else near_guide.but(given_at)
     model = scheme.model(light, options["reflectance"])
     # Where none of them is given.
     assumed = depths is None and within is None
@@ -212,8 +213,8 @@ def check(
             "another scheme, or photograph with a flash that fades.",
             argument="known_depth",
         )
-    if depths is not None:
-        known = ~np.isnan(depths)
+    if given_at is not None:
+        known = given_at
     else:
         known = masks.rim(wanted) if assumed and light.flat_rim else np.zeros(shape, bool)
     if assumed and wanted.any() and not (wanted & ~known).any():

@@ -30,8 +30,9 @@ _MOST_PIXELS = {"cpu": 2**21, "gpu": 2**24}
 _IMAGES_A_PROCESSOR = 4
 """Images of a piece for each processor, where one takes whole images."""
 
-_MOST_MEMORY = 3 / 4
-"""Share of the device's memory that a piece may take."""
+_MOST_MEMORY = 2 / 3
+"""Share of the device's memory that a piece may take, so that no array of it takes a quarter: more than that need not
+be given at once."""
 
 _WHOLE_IMAGES = 2**20
 """Up to so many pixels a processor may take a whole image, see :mod:`persfs_cl._cl.orderings.choices`."""

@@ -8,12 +8,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import masks
 from persfs_cl._cl.image import Image
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import in_row_blocks
+from persfs_cl.blocks import in_row_blocks, row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
 from persfs_cl.shading.model import Extremes, Light
@@ -38,7 +38,7 @@ class Problem(Given):
     ----------
     first : ndarray of float64, shape (height, width), or float, or None
         Values of W, less `level`, from which the others begin: above all known ones. None where the image tells them.
-    shading : ndarray of float64, shape (height, width)
+    shading : ndarray of float, shape (height, width)
         What the kernels read in place of the image, see :class:`persfs_cl.shading.model.Model`; at the scale of `level`
         where the image tells the depth.
     highest_known : float
@@ -49,7 +49,7 @@ class Problem(Given):
     """
 
     first: Array | float | None
-    shading: Array
+    shading: NDArray[np.floating]
     highest_known: float
     level: float
 
@@ -59,7 +59,9 @@ class Problem(Given):
         if given.scheme.by_energy:
             return cls(**vars(given), first=0.0, shading=given.image, highest_known=np.inf, level=0.0)
         if given.model.light.determines_depth:
-            shading, level = given.model.start(given.image, given.domain.solved, given.grid, given.extremes)
+            shading, level = given.model.start(
+                given.image, given.domain.solved, given.grid, given.extremes, given.precision
+            )
             return cls(**vars(given), first=None, shading=shading, highest_known=np.inf, level=level)
         held = [given.known_values[given.seen]]
         bounds: list[Array] = []
@@ -159,7 +161,7 @@ class Problem(Given):
     def corrected(self, image: Array) -> Problem:
         """The same where the image tells the depth, with another brightness to be solved for; `image` stays."""
         solved = self.domain.solved
-        shading, level = self.model.start(image, solved, self.grid, Extremes.of(image, solved))
+        shading, level = self.model.start(image, solved, self.grid, Extremes.of(image, solved), self.precision)
         return replace(self, shading=shading, level=level)
 
     def depth(self, values: Array, *, converged: bool) -> tuple[Array, Array]:
@@ -211,7 +213,8 @@ class Problem(Given):
             return
         if not present.all():
             steps = masks.steps_from(known, present)
-            unreached = self.domain.solved & (values > self._climbed(steps))
+            for rows in row_blocks(values.shape):
+                unreached[rows] = self.domain.solved[rows] & (values[rows] > self._climbed(steps[rows]))
         np.copyto(values, np.nan, where=unreached)
 
     def _beyond_straight_steps(self, values: Array, known: Mask, *, everywhere: bool) -> Mask:
@@ -226,13 +229,14 @@ class Problem(Given):
         least, most = masks.steps_to_blocks(known, _BLOCK)
         beyond = lowest > self._climbed(most)
         found: Mask = solved & masks.of_blocks(beyond, _BLOCK, solved.shape)
-        # Where a value is known itself, it is no higher than what one step climbs.
-        undecided = (highest > self._climbed(np.maximum(least, 1))) & ~beyond
+        # A known value itself is no higher than what one step climbs. A NaN decides nothing.
+        undecided = ~(highest <= self._climbed(np.maximum(least, 1))) & ~beyond
         if undecided.any():
             steps, farthest = masks.StraightSteps(known), int(most[undecided].max())
-            many = np.count_nonzero(undecided) > _MANY * undecided.size
-            everything = [(slice(None), slice(None))]
-            for part in everything if many else masks.stretches_of_blocks(undecided, _BLOCK):
+            parts = masks.stretches_of_blocks(undecided, _BLOCK)
+            if np.count_nonzero(undecided) > _MANY * undecided.size:
+                parts = ((rows, slice(None)) for rows in row_blocks(values.shape))
+            for part in parts:
                 np.greater(values[part], self._climbed(steps.to(*part, farthest)), out=found[part])
                 found[part] &= solved[part]
         return found

@@ -55,7 +55,7 @@ class Reference:
     log_depth : ndarray of float64, shape (height, width)
         W = ±Z, changed in place.
     brightness : ndarray of float64, shape (height, width)
-        E, or F under a flash.
+        What the kernels read: E, or under a flash F or its logarithm.
     flags : ndarray of uint8, shape (height, width)
     boundary : Boundary
     grid : PixelGrid
@@ -92,7 +92,7 @@ class Reference:
         """The same as the kernels are given of a problem, at its start values; `linear` is a matter of the run."""
         return cls(
             log_depth=problem.start,
-            brightness=problem.shading,
+            brightness=problem.shading.astype(np.float64),
             flags=problem.domain.flags,
             boundary=problem.domain.boundary,
             grid=problem.grid,
