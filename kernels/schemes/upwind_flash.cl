@@ -17,6 +17,7 @@
 #define RIM_CELLS 0 /* a missing neighbour has the value NOWHERE: no cell is treated apart */
 #define DIRECTED 1  /* a cell reads only the two neighbours before it in the sweep */
 #define NEAR_ENOUGH (1 / 64.0f) /* largest change of Z over which the quadratic of meet() is trusted */
+#define VERY_NEAR (USE_DOUBLE ? 1e-7f : 3e-4f) /* so that what its bound leaves is below rounding */
 #define REMAINDER 0.01f /* share of the change of Z that may be left to the next sweep */
 #define ROUNDED (USE_DOUBLE ? 1e-14f : 1e-7f) /* rounding error of Z */
 #define MOST_ROUNDS 16
@@ -32,7 +33,7 @@
  * is a quadratic, l^2 + 2 bend l = rest. Where Z_r is `here`, its first root lies between the l at which D is `here`
  * and that at which U is, whatever the material, and so leads to a value below `here`. How far it is from the true one
  * is of second order in how far it leads from Z_r: for a Lambertian material, whose m is concave, it is not beyond it,
- * and short of it by at most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is NEAR_ENOUGH, upwards or downwards.
+ * and short of it by at most 5 (Z - Z_r)^2 bend / (2 bend + l), as long as that is `near`, upwards or downwards.
  * With so much more it is beyond, where U is the larger of both, and far less steep than D: that is the value, for
  * which no logarithm is wanted. Where it is not near enough, and for other materials, the larger of both is the value,
  * and where that is D, by more than a share of the change, the place found is the next to begin from.
@@ -44,8 +45,8 @@
 #define BOTH __attribute__((opencl_unroll_hint(2))) for (int k = 0; k < 2; ++k)
 
 static inline void meet(const number *base, const number *offset, const number *slope, const number here,
-                        const number begin, const number square, const number log_f, const parameter_set *parameters,
-                        number *found)
+                        const number begin, const number square, const number near, const number log_f,
+                        const parameter_set *parameters, number *found)
 {
     number per_slope[2], level[2], t_square[2], going[2];
     BOTH {
@@ -66,7 +67,7 @@ static inline void meet(const number *base, const number *offset, const number *
             moved[k] = base[k] + first_root - level[k];
             length[k] = multiply_add((5 * moved[k]) * moved[k], bend * inverse, first_root);
             up[k] = base[k] + length[k];
-            far[k] = choose(magnitude(moved[k]) > NEAR_ENOUGH, going[k], 1);
+            far[k] = choose(magnitude(moved[k]) > near, going[k], 1);
         }
         if (LAMBERTIAN && !any_sign(as_integer(far[0]) | as_integer(far[1]))) {
             BOTH found[k] = choose(going[k] < 0, least(up[k], found[k]), found[k]);
@@ -134,23 +135,28 @@ static inline number inner_value(const number log_f, const number here, const nu
                              multiply_add(step, column_y * inverse_sum, from_left)};
     const number offsets[2] = {(number)0, -(ray * width) * width};
     const number slopes_of_both[2] = {wide_edge * (inverse_ray * inverse_ray), inverse_slope};
-    const number steepest = 2 * parameters->steepest * ray;
+    const number steepest = 2 * parameters->steepest * ray, most_square = steepest * steepest;
     /* Far above where the curves meet, as before its first sweep, a value will come to lie near its neighbour: begin
      * there. Where the surface is steep, the value lies far above its neighbour at the limit too. If it began there in
      * every sweep, it would be left as far above the limit as the bound in meet() is: the value must begin from itself
-     * once it is near. One that is not far_beyond() is within ln 2 / 4 of the limit, by D. One that is has farther to go
-     * than a step from the neighbour leaves.
+     * once it is near. One that is not far_beyond() is within ln 2 / 4 of the limit, by D. One that is has farther to
+     * go than a step from the neighbour leaves.
      */
     const number neighbour = along_x ? left : up;
     const integer distant = (here - neighbour > NEAR_ENOUGH) & far_beyond(excess, wide, target);
     number begin = here, square;
     if (any_sign(as_integer(choose(distant, -1, 1)))) {
         begin = choose(distant, neighbour, here);
-        square = square_of(most(0, -multiply_add(2, begin, log_f)), steepest * steepest, parameters);
+        square = square_of(most(0, -multiply_add(2, begin, log_f)), most_square, parameters);
     } else
-        square = square_of(target, steepest * steepest, parameters);
+        square = square_of(target, most_square, parameters);
+    /* At the largest t^2 D is above that, and stays so, however often the value begins there. */
+    const integer steeper = square >= most_square;
+    if (LAMBERTIAN && any_sign(as_integer(choose(steeper, -1, 1))))
+        begin = choose(steeper, -0.5f * (log_f + minus_log_c(square, parameters)), begin);
+    const number near = choose(steeper, VERY_NEAR, NEAR_ENOUGH);
     number found[2];
-    meet(bases, offsets, slopes_of_both, here, begin, square, log_f, parameters, found);
+    meet(bases, offsets, slopes_of_both, here, begin, square, near, log_f, parameters, found);
     const number climb_left = found[1] - from_left, climb_up = found[1] - from_up;
     const number facing_x = multiply_add(xx, climb_left, xy * climb_up);
     const number facing_y = multiply_add(xy, climb_left, yy * climb_up);

@@ -16,6 +16,7 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks, row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
+from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Extremes, Light
 from persfs_cl.solver.bounds import DepthRange
 from persfs_cl.solver.given import Given, check
@@ -70,10 +71,17 @@ class Problem(Given):
             within = given.depth_range.cut(given.window).of_values(given.sign, given.offset)
             bounds, upper = ([bound[solved & ~np.isnan(bound)] for bound in within[side:]] for side in (0, 1))
             held += upper
-        level = float(np.concatenate(held).min())
+        anchors = np.concatenate(held)
+        if not anchors.size:
+            raise InputError(
+                f"None of the {given.known_values.size} known depths can reach the pixels to solve: give a known depth "
+                "inside the mask or next to it.",
+                argument="known_depth",
+            )
+        level = float(anchors.min())
         # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
         steps = np.count_nonzero(given.domain.solved) + 1
-        highest = float(np.concatenate([*held, *bounds]).max()) - level
+        highest = float(np.concatenate([anchors, *bounds]).max()) - level
         return cls(
             **vars(given),
             first=highest + steps * given.max_slope * max(given.grid.dx, given.grid.dy),

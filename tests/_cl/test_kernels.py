@@ -169,7 +169,16 @@ def test_each_checkerboard_sweep_equals_the_reference(device: Device, precision:
 @pytest.mark.parametrize("name", UPWIND)
 def test_the_limit_is_that_of_the_full_scheme(device: Device, name: str) -> None:
     """The value of each cell is its lowest candidate, unless it kept the start value."""
-    problem = random_problem(5, (12, 17), boundary="wall", **UPWIND[name])
+    assert_the_limit(random_problem(5, (12, 17), boundary="wall", **UPWIND[name]), device, name)
+
+
+@pytest.mark.parametrize("max_slope", [0.2, 0.5, 1.0])
+def test_so_it_is_where_the_slope_may_be_but_small(device: Device, max_slope: float) -> None:
+    problem = random_problem(6, (12, 17), boundary="wall", **UPWIND["upwind flash"])
+    assert_the_limit(replace(problem, max_slope=max_slope), device, "upwind flash")
+
+
+def assert_the_limit(problem: Problem, device: Device, name: str) -> None:
     # The bits of the wavefront, see below, by programs that are compiled in half the time.
     kernel = sweeper(problem, device, "float64", "lexicographic")
     assert kernel.run(100)[-1] <= 1e-13

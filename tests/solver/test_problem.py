@@ -48,3 +48,20 @@ def test_what_lies_higher_than_the_steps_climb_has_no_depth(
     values[~(known | solved)] = 1e30
     _, depth = problem.depth(values, converged=False)
     np.testing.assert_array_equal(np.isnan(depth), expected | ~(known | solved))
+
+
+def test_known_depths_that_reach_nothing_are_refused_where_a_guide_has_no_scale() -> None:
+    rows, columns = np.indices((20, 20))
+    mask, known = np.zeros((20, 20), bool), np.full((20, 20), np.nan)
+    mask[8:14, 5:12], known[0] = True, 1.0
+    with pytest.raises(ps.InputError, match=r"None of the 20 known depths can reach the pixels to solve: give") as told:
+        ps.reconstruct(
+            0.8 + 0.005 * rows,
+            ps.Camera(30.0),
+            mask=mask,
+            known_depth=known,
+            guide=1.0 + 0.01 * columns,
+            guide_scale="fit",
+            scheme="regularised",
+        )
+    assert told.value.argument == "known_depth"
