@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +25,9 @@ NOWHERE = 1e30
 NONE = -1
 """Index that stands for "does not look along this axis" in :attr:`persfs_cl.solver.domain.Boundary.inwards`."""
 
+
+_MANY = 0.5
+"""Share of the blocks: to look at the pixels of more of them, block by block, takes longer than at all pixels."""
 
 Steps = NDArray[np.int16] | NDArray[np.int32]
 
@@ -127,33 +131,40 @@ class StraightSteps:
     """Fewest steps along rows and columns from a seed to pixels, whatever lies between."""
 
     def __init__(self, seeds: Mask) -> None:
-        height, width = seeds.shape
+        self._seeds = seeds
+
+    @cached_property
+    def _along_columns(self) -> Steps:
+        """From the seeds of a pixel's column alone, found when first asked for."""
+        height, width = self._seeds.shape
         farthest = height + width
         kind = np.dtype(np.int16 if farthest <= np.iinfo(np.int16).max else np.int32)
         rows = np.arange(height, dtype=kind)[:, None]
-        # Of all seeds those of a pixel's column, first. What is one step longer in each row is the same less its row.
-        self._along_columns = steps = np.full(seeds.shape, farthest, kind)
-        steps[seeds] = 0
+        steps = np.full(self._seeds.shape, farthest, kind)
+        steps[self._seeds] = 0
         for lines in (steps, steps[::-1]):
+            # What is one step longer in each row is the same less its row.
             np.subtract(lines, rows, out=lines)
             for before, line in pairwise(lines):
                 np.minimum(line, before, out=line)
             np.add(lines, rows, out=lines)
-        self._columns = np.arange(width, dtype=kind)
+        return steps
 
     def to(self, rows: slice, columns: slice, most: int | None = None) -> Steps:
         """To the pixels of some neighbouring rows and columns, from each of which a seed is at `most` so far away."""
-        width = self._columns.size
+        width = self._seeds.shape[1]
         begin, end, _ = columns.indices(width)
         first, last = (0, width) if most is None else (max(0, begin - most), min(width, end + most))
         lines = self._along_columns[rows]
         rightwards = self._from_left(lines[:, first:end], begin - first)
         leftwards = self._from_left(lines[:, begin:last][:, ::-1], last - end)
-        return np.minimum(rightwards, leftwards[:, ::-1], out=rightwards)
+        steps: Steps = np.minimum(rightwards, leftwards[:, ::-1], out=rightwards)
+        return steps
 
-    def _from_left(self, lines: Steps, begin: int) -> Steps:
+    @staticmethod
+    def _from_left(lines: NDArray[Any], begin: int) -> NDArray[Any]:
         """From seeds of the same column or of one before it, to the columns from that one on."""
-        columns = self._columns[: lines.shape[1]]
+        columns = np.arange(lines.shape[1], dtype=lines.dtype)
         steps = lines - columns
         if begin:
             np.minimum(steps[:, begin], steps[:, :begin].min(axis=1), out=steps[:, begin])
@@ -199,6 +210,29 @@ def of_blocks(values: NDArray[Any], side: int, shape: tuple[int, ...]) -> NDArra
     """For each pixel of an image of that shape the value of its block of side x side pixels."""
     height, width = shape
     return np.repeat(np.repeat(values, side, axis=1)[:, :width], side, axis=0)[:height]
+
+
+def decided_by_blocks(
+    looked_at: Mask, all_of: Mask, undecided: Mask, side: int, look: Callable[[tuple[slice, slice]], Mask]
+) -> Mask:
+    """A set of pixels that blocks of side x side pixels decide, for the most part.
+
+    Parameters
+    ----------
+    looked_at : ndarray of bool, shape (height, width)
+        No others belong to it.
+    all_of, undecided : ndarray of bool, one for each block
+        Blocks of which all pixels belong to it, and those whose pixels must be looked at.
+    look : callable
+        Which pixels of some rows and columns belong to it.
+    """
+    found: Mask = looked_at & of_blocks(all_of, side, looked_at.shape)
+    parts = stretches_of_blocks(undecided, side)
+    if np.count_nonzero(undecided) > _MANY * undecided.size:
+        parts = ((rows, slice(None)) for rows in row_blocks(looked_at.shape))
+    for part in parts:
+        np.logical_and(looked_at[part], look(part), out=found[part])
+    return found
 
 
 def steps_from(seeds: Mask, passable: Mask) -> NDArray[np.int32]:

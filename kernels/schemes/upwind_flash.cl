@@ -145,6 +145,7 @@ static inline number inner_value(const number log_f, const number here, const nu
     const number neighbour = along_x ? left : up;
     const integer distant = (here - neighbour > NEAR_ENOUGH) & far_beyond(excess, wide, target);
     number begin = here, square;
+    /* Apart, since what begins from `here` shares its exponential with the rejection above. */
     if (any_sign(as_integer(choose(distant, -1, 1)))) {
         begin = choose(distant, neighbour, here);
         square = square_of(most(0, -multiply_add(2, begin, log_f)), most_square, parameters);

@@ -194,16 +194,17 @@ class CosineModel(_ParallelModel):
         # Nearly everywhere the extremes of a block tell.
         lowest, highest = (light.norm * masks.in_square_blocks(of, image, _BLOCK) for of in (np.minimum, np.maximum))
         everywhere = highest < least
-        found = np.zeros_like(solved)
-        if everywhere.any():
-            np.logical_and(solved, masks.of_blocks(everywhere, _BLOCK, solved.shape), out=found)
-        for rows, columns in masks.stretches_of_blocks(~(everywhere | (lowest > most)), _BLOCK):
+
+        def is_unbounded(part: tuple[slice, slice]) -> Mask:
+            rows, columns = part
             x, y = grid.x[columns], grid.y[rows]
             offset_x, offset_y = x - light.p0, y - light.q0
             along = x * offset_x + y * offset_y
             bound = offset_x**2 + offset_y**2 - along**2 / (1.0 + x**2 + y**2)
-            found[rows, columns] = solved[rows, columns] & ((light.norm * image[rows, columns]) ** 2 <= bound)
-        return found
+            return np.asarray((light.norm * image[part]) ** 2 <= bound)
+
+        undecided = ~(everywhere | (lowest > most))
+        return masks.decided_by_blocks(solved, everywhere, undecided, _BLOCK, is_unbounded)
 
     def _bounds_of_blocks(self, grid: PixelGrid) -> tuple[Array, Array]:
         """Bounds of the e at which H begins to be coercive, over the pixels of each block: see :meth:`degenerate`."""

@@ -147,10 +147,7 @@ def _laid_out(
     """Classify pixels without walls; `counts` are the anchors, known or held, and the unknown ones, of the image."""
     reached = unknown & connected(anchors, unknown | known) if needs_known else unknown
     if not reached.any():
-        raise InputError(
-            f"None of the {counts[0]} known depths can reach the {counts[1]} pixels to solve: give a known depth "
-            "inside the mask or next to it."
-        )
+        raise nothing_reached(*counts)
     present = reached | known
     flags = missing_neighbours(present)
     if boundary == "fixed":
@@ -171,6 +168,15 @@ def _laid_out(
         unreached=unknown & ~reached,
         flags=flags,
         boundary=renewed,
+    )
+
+
+def nothing_reached(known: int, unknown: int) -> InputError:
+    """The error where no way leads from so many known depths to any of so many pixels to solve."""
+    return InputError(
+        f"None of the {known} known depths can reach the {unknown} pixels to solve: give a known depth inside the mask "
+        "or next to it.",
+        argument="known_depth",
     )
 
 

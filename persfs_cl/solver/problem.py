@@ -16,9 +16,9 @@ from persfs_cl.arrays import Array, Mask
 from persfs_cl.blocks import in_row_blocks, row_blocks
 from persfs_cl.camera import Camera
 from persfs_cl.checks import FARTHEST, NEAREST
-from persfs_cl.errors import InputError
 from persfs_cl.shading.model import Extremes, Light
 from persfs_cl.solver.bounds import DepthRange
+from persfs_cl.solver.domain import nothing_reached
 from persfs_cl.solver.given import Given, check
 from persfs_cl.solver.options import Options
 from persfs_cl.surface.discontinuities import fill_walls
@@ -27,8 +27,6 @@ from persfs_cl.surface.geometry import Discontinuities
 _NEAREST_LOG, _FARTHEST_LOG = math.log(NEAREST), math.log(FARTHEST)
 _BLOCK = 16
 """Pixels of a side of the blocks that are looked at first."""
-_MANY = 0.5
-"""Share of the blocks: to look at the pixels of more of them one by one takes longer than at all pixels together."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +71,7 @@ class Problem(Given):
             held += upper
         anchors = np.concatenate(held)
         if not anchors.size:
-            raise InputError(
-                f"None of the {given.known_values.size} known depths can reach the pixels to solve: give a known depth "
-                "inside the mask or next to it.",
-                argument="known_depth",
-            )
+            raise nothing_reached(given.known_values.size, int(np.count_nonzero(given.domain.solved)))
         level = float(anchors.min())
         # No cell lies more than one step above a neighbour, so no path from a known value can climb higher than this.
         steps = np.count_nonzero(given.domain.solved) + 1
@@ -236,18 +230,14 @@ class Problem(Given):
         lowest, highest = (masks.in_square_blocks(of, counted, _BLOCK) for of in (np.minimum, np.maximum))
         least, most = masks.steps_to_blocks(known, _BLOCK)
         beyond = lowest > self._climbed(most)
-        found: Mask = solved & masks.of_blocks(beyond, _BLOCK, solved.shape)
         # A known value itself is no higher than what one step climbs. A NaN decides nothing.
         undecided = ~(highest <= self._climbed(np.maximum(least, 1))) & ~beyond
-        if undecided.any():
-            steps, farthest = masks.StraightSteps(known), int(most[undecided].max())
-            parts = masks.stretches_of_blocks(undecided, _BLOCK)
-            if np.count_nonzero(undecided) > _MANY * undecided.size:
-                parts = ((rows, slice(None)) for rows in row_blocks(values.shape))
-            for part in parts:
-                np.greater(values[part], self._climbed(steps.to(*part, farthest)), out=found[part])
-                found[part] &= solved[part]
-        return found
+        steps, farthest = masks.StraightSteps(known), int(most.max(where=undecided, initial=0))
+
+        def is_beyond(part: tuple[slice, slice]) -> Mask:
+            return np.asarray(values[part] > self._climbed(steps.to(*part, farthest)))
+
+        return masks.decided_by_blocks(solved, beyond, undecided, _BLOCK, is_beyond)
 
     def _climbed(self, steps: masks.Steps) -> Array:
         """How high so many steps can climb from the highest known value."""

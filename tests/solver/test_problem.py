@@ -54,7 +54,9 @@ def test_known_depths_that_reach_nothing_are_refused_where_a_guide_has_no_scale(
     rows, columns = np.indices((20, 20))
     mask, known = np.zeros((20, 20), bool), np.full((20, 20), np.nan)
     mask[8:14, 5:12], known[0] = True, 1.0
-    with pytest.raises(ps.InputError, match=r"None of the 20 known depths can reach the pixels to solve: give") as told:
+    with pytest.raises(
+        ps.InputError, match=r"None of the 20 known depths can reach the 42 pixels to solve: give"
+    ) as told:
         ps.reconstruct(
             0.8 + 0.005 * rows,
             ps.Camera(30.0),
