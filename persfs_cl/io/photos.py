@@ -278,6 +278,12 @@ def read_frame(path: FilePath, frame: int, *, channel: Channel = "luminance", en
     return _photo(as_path(path), Raster(read_samples(path, frame), 8), channel, encoding)
 
 
+def _looked_up(table: NDArray[np.uint8], samples: NDArray[Any]) -> NDArray[np.uint8]:
+    # What is for displays already comes out as it is.
+    same = samples.dtype == table.dtype and np.array_equal(table, np.arange(len(table)))
+    return samples.copy() if same else np.take(table, samples)
+
+
 def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> Photo:
     samples, white = raster.colours, raster.white
     floating, count = samples.dtype.kind == "f", samples.shape[2]
@@ -291,7 +297,7 @@ def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> 
     def linear(values: NDArray[Any], index: int) -> Array:
         if floating:
             return space.linear(values.astype(np.float64) / white, index)
-        return np.asarray(tables[0 if alike else index][values])
+        return np.take(tables[0 if alike else index], values)
 
     channels = [samples[..., index] for index in range(count)]
     weights = (1.0,) if count == 1 else _weights(space, channel)
@@ -307,7 +313,7 @@ def _photo(path: Path, raster: Raster, channel: Channel, encoding: Encoding) -> 
         for index, (weight, values) in enumerate(zip(weights, channels, strict=True)):
             combine(image[rows], weight * linear(values[rows], index), out=image[rows])
     if alike and (space.to_srgb is None or count == 1):
-        colour = to_display(linear(samples, 0)) if floating else to_display(tables[0])[samples]
+        colour = to_display(linear(samples, 0)) if floating else _looked_up(to_display(tables[0]), samples)
     else:
         colour = _colours(space, linear, samples)
     if colour.shape[2] == 1:

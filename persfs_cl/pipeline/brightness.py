@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from persfs_cl.arrays import Array
+from persfs_cl.arrays import Array, Mask
+from persfs_cl.blocks import row_blocks
 from persfs_cl.errors import InputError
 from persfs_cl.io.maps import read_light
 from persfs_cl.io.photos import Channel, Encoding
@@ -96,7 +95,7 @@ class Brightness:
             When there is no shading, or the light is no parallel one and a normalisation is asked for.
         """
         image, mask = prepared.light, prepared.mask
-        if mask.sum() > 1 and np.ptp(image[mask]) == 0:
+        if _is_even(image, mask):
             clipping, smoothing, ambient, highlights = map(keyword, _DARKENING)
             raise InputError(
                 f"the brightness is the same everywhere after {clipping} and {smoothing} (and {ambient} and "
@@ -122,6 +121,19 @@ class Brightness:
                 value=getattr(self, name),
             )
         return image, prepared.unfiltered, {**done, "normalise": "none"}
+
+
+def _is_even(image: Array, mask: Mask) -> bool:
+    """Whether more than one pixel is wanted, and all that are have the same value."""
+    first, count = None, 0
+    for rows in row_blocks((image.shape[0], image.shape[1])):
+        values = image[rows][mask[rows]]
+        if values.size and first is None:
+            first = values[0]
+        if (values != first).any():
+            return False
+        count += values.size
+    return count > 1
 
 
 def _of_level_ground(light: Light, reflectance: Reflectance) -> float:

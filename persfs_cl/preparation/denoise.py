@@ -46,7 +46,7 @@ def denoise(image: ArrayLike, strength: float, *, mask: ArrayLike | None = None)
     values, inside = checked(image, mask)
     strength = as_number("strength", strength, least=0.0, most=MOST_DENOISING, what="a strength", hint=", such as 0.8")
     if strength == 0.0:
-        return values
+        return values.copy()
     try:
         from skimage.restoration import denoise_nl_means
     except ImportError as error:
@@ -55,7 +55,7 @@ def denoise(image: ArrayLike, strength: float, *, mask: ArrayLike | None = None)
         ) from error
     noise = noise_of(np.where(inside, values, 0.0), inside)
     if noise == 0.0:
-        return values
+        return values.copy()
     found = denoise_nl_means(
         _continued(values, inside),
         patch_size=_PATCH,

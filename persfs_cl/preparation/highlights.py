@@ -130,9 +130,10 @@ def fill_smoothly(image: ArrayLike, holes: ArrayLike, *, mask: ArrayLike | None 
     pixels = as_mask("holes", holes, values.shape)
     given = inside & ~pixels
     unknown = inside & pixels & connected(given, inside)
+    filled = values.copy()
     if unknown.any():
-        values[unknown] = harmonic(values, unknown, given)
-    return values, inside & pixels & ~unknown
+        filled[unknown] = harmonic(values, unknown, given)
+    return filled, inside & pixels & ~unknown
 
 
 def _span(line: Mask) -> slice:

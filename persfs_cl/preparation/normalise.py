@@ -56,12 +56,13 @@ def mean_filter(image: ArrayLike, size: int, mask: ArrayLike | None = None) -> A
         raise InputError.about("size", size, f"is larger than the image, {_size(values)}: give a smaller mean filter.")
     margin = size // 2
     light, present = np.pad(np.where(inside, values, 0.0), margin), np.pad(inside, margin)
+    filtered = values.copy()
     for rows in row_blocks(values.shape):
         near = slice(rows.start, rows.stop + 2 * margin)
         total = _window_sum(light[near], size)
         count = _window_sum(present[near].astype(np.float64), size)
-        np.divide(total, count, out=values[rows], where=inside[rows])
-    return values
+        np.divide(total, count, out=filtered[rows], where=inside[rows])
+    return filtered
 
 
 def normalise_grey(image: ArrayLike, mask: ArrayLike | None = None, *, percentile: float = 100.0) -> Array:
@@ -268,7 +269,7 @@ def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
     Returns
     -------
     values : ndarray of float64, shape (H, W)
-        A copy.
+        Perhaps the image itself: not to be changed, nor returned to a user as it is.
     inside : ndarray of bool, shape (H, W)
 
     Raises
@@ -276,7 +277,7 @@ def checked(image: ArrayLike, mask: ArrayLike | None) -> tuple[Array, Mask]:
     InputError
         When one of the two is of another kind, or the mask selects no pixel.
     """
-    values = as_image("image", image).copy()
+    values = as_image("image", image)
     inside = np.ones(values.shape, dtype=np.bool_) if mask is None else as_mask("mask", mask, values.shape)
     if not inside.any():
         raise unlike("mask", mask, "selects no pixel: give one that is True where the image is to be used.")

@@ -29,7 +29,7 @@ from persfs_cl.preparation.denoise import MOST_DENOISING, denoise
 from persfs_cl.preparation.highlights import dilate, fill_smoothly, find_specular
 from persfs_cl.preparation.normalise import checked, clip_highlights, mean_filter
 from persfs_cl.preparation.prepared import PreparedPhoto
-from persfs_cl.preparation.specks import replace_specks
+from persfs_cl.preparation.specks import without_specks
 from persfs_cl.wording import brief, keyword
 
 Highlights = Literal["keep", "mask", "fill"]
@@ -211,9 +211,7 @@ def prepare_photo(
     saturated = nowhere if level is None else inside & (photo.largest_sample >= level)
     specks = specular = masked = filled = clipped = nowhere
     if preparation.despeckle:
-        replaced, specks = replace_specks(light, mask=inside)
-        # Most photos have none, and need no second array of the same light.
-        light = replaced if specks.any() else light
+        light, specks = without_specks(light, inside)
     if preparation.highlights != "keep":
         # In the colour of which the surface itself has least, the colour of the lamp stands out most.
         specular = find_specular(_raised(_decoded(photo, photo.smallest_sample), exponent, inside), mask=inside)

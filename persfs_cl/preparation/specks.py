@@ -57,6 +57,12 @@ def replace_specks(image: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[
     values, inside = checked(image, mask)
     if (lowest := float(values.min(where=inside, initial=np.inf))) < 0:
         raise unlike("image", image, f"goes down to {lowest:g}: linear light cannot be negative. Clip it at 0.")
+    replaced, specks = without_specks(values, inside)
+    return (values.copy() if replaced is values else replaced), specks
+
+
+def without_specks(values: Array, inside: Mask) -> tuple[Array, Mask]:
+    """See :func:`replace_specks`, of what has been checked; the same array where there are none."""
     specks = np.zeros_like(inside)
     rows, columns = _standing_out(values, inside)
     if not rows.size:
@@ -66,8 +72,11 @@ def replace_specks(image: ArrayLike, *, mask: ArrayLike | None = None) -> tuple[
     specks[rows[found], columns[found]] = True
     specks = _small(specks)
     kept = specks[rows, columns]
-    values[rows[kept], columns[kept]] = medians[kept]
-    return values, specks
+    if not kept.any():
+        return values, specks
+    replaced = values.copy()
+    replaced[rows[kept], columns[kept]] = medians[kept]
+    return replaced, specks
 
 
 def _standing_out(values: Array, inside: Mask) -> tuple[Indices, Indices]:

@@ -176,6 +176,7 @@ def test_pixels_outside_the_mask_do_not_matter_and_inputs_stay_as_they_were(
     before = spoilt.copy()
     np.testing.assert_array_equal(function(spoilt, mask=mask)[mask], function(image, mask=mask)[mask])
     np.testing.assert_array_equal(spoilt, before)
+    assert not np.shares_memory(function(image), image)
 
 
 @every_function
