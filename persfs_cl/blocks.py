@@ -57,6 +57,18 @@ def in_row_blocks(work: Callable[[slice], None], shape: tuple[int, ...]) -> None
 
 
 def usable_cores() -> int:
-    """Cores of the processor that this process may run on."""
+    """Cores of the processor that this process may run on, or its share of them."""
     affinity = getattr(os, "sched_getaffinity", None)  # Linux only
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
+    found = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return found if _Share.cores is None else min(found, _Share.cores)
+
+
+def share_cores(cores: int) -> None:
+    """Leave all cores but so many to other processes, from now on."""
+    _Share.cores = cores
+
+
+class _Share:
+    """What this process was told to use."""
+
+    cores: int | None = None

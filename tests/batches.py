@@ -18,6 +18,7 @@ from persfs_cl.pipeline.listing import list_inputs
 from persfs_cl.pipeline.manifest import FOLDER, Record, now
 from persfs_cl.pipeline.optics import CameraChoice
 from persfs_cl.pipeline.plan import Plan, input_hash, stamps
+from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.run import Again, Batch, BatchResult
 from persfs_cl.pipeline.shards import Shard
 from persfs_cl.pipeline.station import Outcome, Station, Task
@@ -91,7 +92,7 @@ class Here:
                 shelf=shelf,
                 saving=setting.saving,
                 options=setting.options,
-                memory=setting.memory,
+                memory=Room(setting.memory),
                 put=found.append,
             )
             for task in tasks:

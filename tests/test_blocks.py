@@ -108,3 +108,13 @@ def test_the_size_of_blocks_does_not_matter(
     monkeypatch.setattr(blocks, "_PIXELS", 5 * 17)
     for name in ("depth", "log_depth", "solved", "unreached", "clamped"):
         np.testing.assert_array_equal(getattr(solved(), name), getattr(whole, name), err_msg=name)
+
+
+def test_a_process_uses_its_share_of_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = blocks.usable_cores()
+    # What is set here is set back.
+    monkeypatch.setattr(blocks._Share, "cores", None)
+    blocks.share_cores(1)
+    assert blocks.usable_cores() == 1
+    blocks.share_cores(there + 1)
+    assert blocks.usable_cores() == there

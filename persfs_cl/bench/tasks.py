@@ -98,7 +98,8 @@ def crew(plan: Plan) -> list[Record]:
     """Handing tasks to processes on this machine, which all take the same device, for they do not use it."""
     processes = min(_FEW, usable_cores())
     work = BatchPlan()
-    team = Crew(crew_settings(work, None, [plan.device] * processes, None))
+    settings = crew_settings(work, None, [plan.device] * processes, None)
+    team = Crew([replace(setting, processes=1) for setting in settings])
     rate = _rate(team.outcomes(_tasks(work, plan.tasks), lambda: False))
     return [_record(CREW, "tasks", "1/s", rate, f"{plan.tasks} tasks, {processes} processes")]
 

@@ -68,7 +68,7 @@ def batch(
     scheduler: str | None = None,
     **keywords: Any,
 ) -> Iterator[BatchResult]:
-    """Reconstruct any number of photographs, in processes of their own, one for each device.
+    """Reconstruct any number of photographs, in processes of their own: one for each GPU, or for each core.
 
     Where there is an output, `index.html` and the rest of what the command shows is written when the last result has
     been taken.

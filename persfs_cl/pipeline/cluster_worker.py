@@ -24,6 +24,7 @@ from persfs_cl.io.limits import memory
 from persfs_cl.pipeline.crew import dropped
 from persfs_cl.pipeline.manifest import FOLDER, Known, Record
 from persfs_cl.pipeline.plan import is_the_same
+from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Station, Task
 from persfs_cl.pipeline.store import FolderStore, Store
 from persfs_cl.pipeline.workers import Setting
@@ -100,7 +101,7 @@ class _Desk:
             shelf=self._open.enter_context(store.opened()),
             saving=setting.saving,
             options=setting.options,
-            memory=room,
+            memory=Room(room),
             put=self._put,
             spelling=setting.spelling,
             readers=threads,

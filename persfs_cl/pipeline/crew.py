@@ -2,97 +2,38 @@
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import partial
 from itertools import islice
 from multiprocessing.connection import wait
 
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError, InputError, KernelBuildError, PersfsError
 from persfs_cl.pipeline.manifest import Record, as_entry, now
+from persfs_cl.pipeline.members import Member, Team
+from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.workers import Setting, Worker
 
-_FEWEST, _FEWEST_ALONE, _MOST = 8, 24, 256
-"""Tasks that a device has in hand, at the least, at the least where it is the only one, and at most: enough to read and
-to write while it solves, and for small photos to share launches."""
-_SECONDS_AHEAD = 3.0
-"""In between, as many as it does in this time: more would leave other devices with nothing at the end."""
-_MEASURED_EVERY = 0.5
-"""Seconds over which a rate is taken."""
+_FEWEST, _FEWEST_ALONE, _FEWEST_SHARED, _MOST = 8, 24, 2, 256
+"""Tasks that a process has in hand: at the least, where its device is one of several, the only one, or shared with
+other processes; and at most. Enough to read and to write while it solves, and for small photos to share launches."""
 _DEATHS = 4
-"""A device whose process ends so often, with nothing done in between, is given up."""
+"""A device whose processes end so often, with nothing done in between, is given up."""
 _ASKED_EVERY = 0.2
 """Seconds between two looks whether an end is asked for."""
 
 
-@dataclass(eq=False)
-class _Member:
-    """A device, and what it has to do.
-
-    Attributes
-    ----------
-    setting : Setting
-    worker : Worker or None
-        None once it is given up.
-    ready : bool
-        Whether the process has solved something, if only to show that it can.
-    name : str
-    tasks : dict
-        By their numbers.
-    deaths : int
-        Processes that ended in a row, with nothing done in between.
-    window : int
-        How many it is to have.
-    ended, since : int, float
-        Tasks that have ended since a time.
-    refusal : PersfsError or None
-        What it said last of why it does not work.
-    suspects : list
-        Tasks that were by themselves when the process ended, and how it ended. They are to blame if the device goes on.
-    """
-
-    setting: Setting
-    worker: Worker | None = None
-    ready: bool = False
-    name: str = ""
-    tasks: dict[int, Task] = field(default_factory=dict)
-    deaths: int = 0
-    window: int = 0
-    ended: int = 0
-    since: float = field(default_factory=time.monotonic)
-    refusal: PersfsError | None = None
-    suspects: list[tuple[Task, int]] = field(default_factory=list)
-
-    @property
-    def title(self) -> str:
-        """What warnings call it."""
-        return self.name or ("A device" if self.setting.device is None else f"Device {self.setting.device}")
-
-    def pace(self) -> None:
-        """Note that a task has ended, and from time to time how many it is to have at a time."""
-        self.ended += 1
-        seconds = time.monotonic() - self.since
-        if seconds > _MEASURED_EVERY:
-            self.window = int(self.ended * _SECONDS_AHEAD / seconds)
-            self.ended, self.since = 0, time.monotonic()
-
-    @property
-    def alone(self) -> bool:
-        """Whether it has a task that was tried before, which nothing else shall be near."""
-        return any(task.attempts for task in self.tasks.values())
-
-
 class Crew:
-    """Processes that share tasks, one for each device.
+    """Processes that share tasks, one for each device, or one for each core where the device is the processor itself.
 
-    A device whose process ends, or that works no more, is started anew; what it had to do goes back to all, and is done
-    when nothing else is left, each by itself. A photo whose process ends then too, on every device, is to blame, unless
-    the devices do nothing else either. After some ends in a row a device is given up, and the others go on. A photo
-    that a device refuses, but that does others, is for the others.
+    A process that ends is started anew, and so is a device that works no more; what it had to do goes back to all, and
+    is done when nothing else is left, each by itself. A photo whose process ends then too, on every device, is to
+    blame, unless the devices do nothing else either. After some ends in a row a device is given up, and the others go
+    on. A photo that a device refuses, but that does others, is for the others.
 
     Parameters
     ----------
@@ -103,13 +44,14 @@ class Crew:
     """
 
     def __init__(self, settings: Sequence[Setting], inherited: Sequence[int] = ()) -> None:
-        self._members = [_Member(setting) for setting in settings]
+        self._teams = [Team(setting) for setting in settings]
         self._inherited = inherited
+        self._room = Room(max(setting.memory for setting in settings))
         self._fresh: deque[Task] = deque()
         """Taken back from a device that was to blame."""
         self._again: deque[Task] = deque()
         """To be done once more, by themselves."""
-        self._tried: defaultdict[int, set[_Member]] = defaultdict(set)
+        self._tried: defaultdict[int, set[Team]] = defaultdict(set)
         """Which devices failed at a photo."""
 
     def outcomes(self, tasks: Iterable[Task], interrupted: Callable[[], bool]) -> Generator[Outcome, None, None]:
@@ -137,133 +79,155 @@ class Crew:
         source = iter(tasks)
         stopping = False
         try:
-            for member in self._members:
-                self._start(member)
-                if member.worker is None:
-                    self._give_up(member)
+            for team in self._teams:
+                if self._start(team) is None:
+                    self._give_up(team)
             while True:
                 if not stopping and interrupted():
                     stopping = True
                     source = iter(())
                     yield from map(dropped, self._taken_back())
-                    for member in self._living():
-                        member.worker.stop()  # type: ignore[union-attr] # it lives
-                for member in self._living():
-                    self._feed(member, source)
-                if not any(member.tasks for member in self._living()):
+                    for member in self._members():
+                        member.worker.stop()
+                for team in self._living():
+                    self._feed(team, source)
+                if not any(team.tasks for team in self._living()):
                     if not self._living() and (left := [*self._fresh, *self._again, *_first(source)]):
                         raise self._nobody(len(left))
-                    for member in self._living():
-                        yield from self._blamed(member)
+                    for team in self._living():
+                        yield from self._blamed(team)
                     return
                 yield from self._heard(stopping)
         finally:
             self._end()
 
-    def _living(self) -> list[_Member]:
-        return [member for member in self._members if member.worker is not None]
+    def _living(self) -> list[Team]:
+        return [team for team in self._teams if team.members]
+
+    def _members(self) -> list[Member]:
+        return [member for team in self._teams for member in team.members]
 
     def _taken_back(self) -> list[Task]:
-        suspects = [task for member in self._members for task, _ in member.suspects]
+        suspects = [task for team in self._teams for task, _ in team.suspects]
         left = [*self._fresh, *self._again, *suspects]
         self._fresh.clear()
         self._again.clear()
-        for member in self._members:
-            member.suspects.clear()
+        for team in self._teams:
+            team.suspects.clear()
         return left
 
-    def _start(self, member: _Member) -> None:
-        member.ready = False
+    def _start(self, team: Team) -> Member | None:
+        """A further process for a device; None where the system starts none."""
         try:
-            member.worker = Worker(member.setting, self._inherited)
+            member = Member(Worker(team.setting, self._inherited))
         except DeviceError as error:
-            member.refusal = error
+            team.refusal = error
+            return None
+        team.members.append(member)
+        return member
 
-    def _feed(self, member: _Member, source: Iterator[Task]) -> None:
-        worker = member.worker
-        fewest = _FEWEST if len(self._living()) > 1 else _FEWEST_ALONE
-        while worker is not None and len(member.tasks) < min(_MOST, max(fewest, member.window)) and not member.alone:
-            task = self._next(member, source)
-            if task is None:
-                return
-            member.tasks[task.number] = task
-            with suppress(OSError):  # it has ended, which will be heard
-                worker.add(task)
+    def _feed(self, team: Team, source: Iterator[Task]) -> None:
+        """Give the processes of a device what they lack, and others a start where there is something left to do."""
+        setting = team.setting
+        if team.is_shared or (setting.processes > 1 and not any(member.ready for member in team.members)):
+            fewest = _FEWEST_SHARED
+        else:
+            fewest = _FEWEST if len(self._living()) > 1 else _FEWEST_ALONE
+        for member in team.members:
+            while len(member.tasks) < min(_MOST, max(fewest, member.window)) and not team.is_careful:
+                if (task := self._next(team, source)) is None:
+                    break
+                self._give(member, task)
+        while team.is_shared and len(team.members) < setting.processes and not team.is_careful:
+            if (task := self._next(team, source)) is None:
+                break
+            if (further := self._start(team)) is None:
+                self._fresh.appendleft(task)
+                break
+            self._give(further, task)
+        team.share_cores()
 
-    def _next(self, member: _Member, source: Iterator[Task]) -> Task | None:
+    def _give(self, member: Member, task: Task) -> None:
+        member.tasks[task.number] = task
+        with suppress(OSError):  # it has ended, which will be heard
+            member.worker.add(task)
+
+    def _next(self, team: Team, source: Iterator[Task]) -> Task | None:
         """What a device is to do next, if there is anything for it now."""
         if self._fresh:
             return self._fresh.popleft()
         for task in _first(source):
             return task
-        if member.tasks:
+        if team.tasks:
             return None  # first what it has, then each of the others by itself
         for task in self._again:
             tried = self._tried[task.number]
-            if member not in tried or tried.issuperset(self._living()):
+            if team not in tried or tried.issuperset(self._living()):
                 self._again.remove(task)
                 return task
         return None
 
     def _heard(self, stopping: bool) -> Iterator[Outcome]:
         """What the processes say next."""
-        speakers = {member.worker.connection: member for member in self._living() if member.worker}
+        speakers = {member.worker.connection: (team, member) for team in self._teams for member in team.members}
         for connection in wait(list(speakers), _ASKED_EVERY):
-            member = speakers[connection]  # type: ignore[index] # these are what was waited for
+            team, member = speakers[connection]  # type: ignore[index] # these are what was waited for
+            if member not in team.members:
+                continue  # it was given up with its device meanwhile
             try:
-                kind, about = member.worker.connection.recv()  # type: ignore[union-attr] # it lives
+                kind, about = member.worker.connection.recv()
             except (EOFError, OSError):
-                yield from self._lost(member, stopping)
+                yield from self._lost(team, member, stopping)
                 continue
             if kind == "ready":
-                member.name, member.ready = about, True
+                member.ready = True
+                team.name, team.is_shared = about.name, about.is_shared
+            elif kind == "asks":
+                number, wanted = about
+                self._room.ask(number, wanted, partial(member.worker.grant, number))
             elif kind == "outcome":
-                yield from self._ended(member, about, stopping)
+                yield from self._ended(team, member, about, stopping)
             elif isinstance(about, (DeviceError, KernelBuildError)):
-                member.refusal = about
-                member.deaths = _DEATHS
-                yield from self._lost(member, stopping)
+                team.refusal = about
+                team.deaths = _DEATHS
+                yield from self._lost(team, member, stopping)
             else:
                 raise about
 
-    def _ended(self, member: _Member, outcome: Outcome, stopping: bool) -> Iterator[Outcome]:
+    def _ended(self, team: Team, member: Member, outcome: Outcome, stopping: bool) -> Iterator[Outcome]:
+        self._room.give_back(outcome.number)
         task = member.tasks.pop(outcome.number)
         member.pace()
         if outcome.end == "done":
-            member.deaths = 0
-            yield from self._blamed(member)
+            team.deaths = 0
+            yield from self._blamed(team)
         if outcome.end not in ("unfit", "device"):
             yield outcome
         elif stopping:
             yield replace(outcome, end="dropped")
         elif outcome.end == "device":
-            member.refusal = outcome.error
+            team.refusal = outcome.error
             member.tasks[task.number] = task
-            yield from self._lost(member, stopping)
+            yield from self._lost(team, member, stopping)
         else:
             tried = self._tried[task.number]
-            tried.add(member)
+            tried.add(team)
             if tried.issuperset(self._living()):
                 yield replace(outcome, end="failed")
             else:
                 self._again.append(task)
 
-    def _blamed(self, member: _Member) -> Iterator[Outcome]:
+    def _blamed(self, team: Team) -> Iterator[Outcome]:
         """The photos that ended its processes, for the device itself is well."""
-        suspects, member.suspects = member.suspects, []
+        suspects, team.suspects = team.suspects, []
         for task, status in suspects:
             yield _killed(task, status)
 
-    def _lost(self, member: _Member, stopping: bool) -> Iterator[Outcome]:
-        """Take back what a device had to do, and start it anew or give it up."""
-        worker, member.worker = member.worker, None
-        if worker is None:
-            return
-        worker.kill()
-        status = worker.close()
-        member.deaths += 1
+    def _lost(self, team: Team, member: Member, stopping: bool) -> Iterator[Outcome]:
+        """Take back what a process had to do, and start it anew, or give up its device."""
+        status = self._dismiss(team, member)
+        team.deaths += 1
         tasks = list(member.tasks.values())
-        member.tasks.clear()
         if stopping:
             yield from map(dropped, tasks)
             return
@@ -271,33 +235,45 @@ class Crew:
             self._fresh.extend(tasks)  # it never looked at them
         for task in tasks if member.ready else ():
             tried = self._tried[task.number]
-            tried.add(member)
-            if task.attempts and tried.issuperset(self._living()):
-                member.suspects.append((task, status))
+            tried.add(team)
+            if task.attempts and tried.issuperset({team, *self._living()}):
+                team.suspects.append((task, status))
             else:
                 self._again.append(replace(task, attempts=task.attempts + 1))
-        if member.deaths < _DEATHS:
-            self._start(member)
-        if member.worker is None:
-            self._give_up(member, _ending(status))
+        # One that is left goes on, and others are started when there is something for them.
+        if team.deaths < _DEATHS and (team.members or self._start(team)):
+            return
+        self._give_up(team, _ending(status))
 
-    def _give_up(self, member: _Member, ending: str = "") -> None:
+    def _dismiss(self, team: Team, member: Member) -> int:
+        """Have a process end at once, and say how it ended."""
+        team.members.remove(member)
+        member.worker.kill()
+        status = member.worker.close()
+        for number in member.tasks:
+            self._room.give_back(number)
+        return status
+
+    def _give_up(self, team: Team, ending: str = "") -> None:
         """Leave what a device had to do to the others."""
-        why = member.refusal or f"Its processes ended, the last with {ending}."
-        self._again.extend(task for task, _ in member.suspects)
-        member.suspects.clear()
+        for member in list(team.members):
+            self._dismiss(team, member)
+            self._fresh.extend(member.tasks.values())  # it is not known to be to blame for anything
+        why = team.refusal or f"Its processes ended, the last with {ending}."
+        self._again.extend(task for task, _ in team.suspects)
+        team.suspects.clear()
         again = list(self._again)
         self._again.clear()
         for task in again:
             # Where nobody else failed, it was to blame, and the others need not be careful.
-            own = self._tried[task.number] == {member}
+            own = self._tried[task.number] == {team}
             (self._fresh if own else self._again).append(replace(task, attempts=0) if own else task)
-        member.deaths = _DEATHS
-        if any(other.deaths < _DEATHS for other in self._members):  # or else an error says so
-            warn(f"{member.title} is not used any more. {why}")
+        team.deaths = _DEATHS
+        if any(other.deaths < _DEATHS for other in self._teams):  # or else an error says so
+            warn(f"{team.title} is not used any more. {why}")
 
     def _nobody(self, left: int) -> DeviceError:
-        refusal = next((member.refusal for member in self._members if member.refusal), None)
+        refusal = next((team.refusal for team in self._teams if team.refusal), None)
         if isinstance(refusal, DeviceError) and refusal.argument == "device":
             return refusal  # there is none such: going on later would not help
         photos = "1 photo is" if left == 1 else f"{left} photos are"
@@ -309,14 +285,15 @@ class Crew:
         return error
 
     def _end(self) -> None:
-        for member in self._living():
+        for member in self._members():
             if member.tasks or not member.ready:
-                member.worker.kill()  # type: ignore[union-attr] # it lives
+                member.worker.kill()
             else:
-                member.worker.finish()  # type: ignore[union-attr] # it lives
-        for member in self._living():
-            member.worker.close()  # type: ignore[union-attr] # it lives
-            member.worker = None
+                member.worker.finish()
+        for team in self._teams:
+            for member in team.members:
+                member.worker.close()
+            team.members.clear()
 
 
 def _ending(status: int) -> str:

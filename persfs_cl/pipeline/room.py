@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
 
 from persfs_cl.surface.formats import FORMATS
 from persfs_cl.surface.saving import Saving
@@ -43,25 +46,42 @@ def bytes_for(pixels: int, saving: Saving, *, in_rounds: bool = False, by_energy
     )
 
 
+class Memory(Protocol):
+    """Who gives memory to photos, known by their numbers."""
+
+    def ask(self, number: int, wanted: int, granted: Callable[[], None]) -> None:
+        """Have `granted` called once there is room, by any thread."""
+
+    def give_back(self, number: int) -> None:
+        """Give back what a photo took, if it took any, and ask for it no more."""
+
+
 class Room:
-    """Bytes that may be taken, in the order of asking."""
+    """Bytes that may be taken, in the order of asking; what is larger than all of them waits for all."""
 
     def __init__(self, size: int) -> None:
-        self._size, self._taken = size, 0
-        self._changed = threading.Condition()
-        self._turn = threading.Lock()
+        self._size, self._left = size, size
+        self._taken: dict[int, int] = {}
+        self._asking: deque[tuple[int, int, Callable[[], None]]] = deque()
+        self._lock = threading.RLock()
 
-    def take(self, wanted: int) -> int:
-        """Wait until there is room, and take it; what is larger than all waits for all. Returns what was taken."""
-        room = min(wanted, self._size)
-        # One at a time: small ones would overtake a large one for ever.
-        with self._turn, self._changed:
-            self._changed.wait_for(lambda: self._taken + room <= self._size)
-            self._taken += room
-        return room
+    def ask(self, number: int, wanted: int, granted: Callable[[], None]) -> None:
+        """See :class:`Memory`."""
+        with self._lock:
+            self._asking.append((number, min(wanted, self._size), granted))
+            self._serve()
 
-    def give_back(self, room: int) -> None:
-        """Give back what was taken."""
-        with self._changed:
-            self._taken -= room
-            self._changed.notify_all()
+    def give_back(self, number: int) -> None:
+        """See :class:`Memory`."""
+        with self._lock:
+            self._left += self._taken.pop(number, 0)
+            self._asking = deque(one for one in self._asking if one[0] != number)
+            self._serve()
+
+    def _serve(self) -> None:
+        # In this order: small ones would overtake a large one for ever.
+        while self._asking and self._asking[0][1] <= self._left:
+            number, wanted, granted = self._asking.popleft()
+            self._left -= wanted
+            self._taken[number] = self._taken.get(number, 0) + wanted
+            granted()

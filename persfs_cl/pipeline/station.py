@@ -28,7 +28,7 @@ from persfs_cl.pipeline.job import Job, PreparedJob, finished, pose, prepare, re
 from persfs_cl.pipeline.manifest import Record, as_entry, now, package_version
 from persfs_cl.pipeline.plan import input_hash, stamps
 from persfs_cl.pipeline.results import PhotoSolution, write
-from persfs_cl.pipeline.room import Room, bytes_for
+from persfs_cl.pipeline.room import Memory, bytes_for
 from persfs_cl.pipeline.store import Shelf
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.iterate import Watch
@@ -45,7 +45,6 @@ from persfs_cl.wording import Spelling, marked
 
 _ROOM_OF_READERS = 4
 """Photos that wait to be written for each writer: more would only hold memory."""
-_SOLVERS = 2
 
 End = Literal["done", "failed", "dropped", "unfit", "device"]
 
@@ -104,7 +103,6 @@ class _Work:
     """A task on its way."""
 
     task: Task
-    room: int = 0
     said: list[Heard] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     known: dict[str, Any] = field(default_factory=dict)
@@ -131,15 +129,15 @@ class Station:
         Which files.
     options : Options
         Complete, see :func:`persfs_cl.solver.complete.complete`; the light and the material are the tasks' too.
-    memory : int
-        Bytes that photos may take together.
+    memory : Memory
+        Gives photos the memory that they take.
     put : callable
         Called with each outcome, by any thread.
     solutions : bool
         Whether outcomes carry the solution.
     spelling : callable
         Of the keywords that records, reports and pages mention.
-    readers, writers : int
+    readers, solvers, writers : int
         Numbers of threads.
     """
 
@@ -150,11 +148,12 @@ class Station:
         shelf: Shelf | None,
         saving: Saving,
         options: Options,
-        memory: int,
+        memory: Memory,
         put: Callable[[Outcome], None],
         solutions: bool = False,
         spelling: Spelling = str,
         readers: int = 2,
+        solvers: int = 2,
         writers: int = 2,
     ) -> None:
         self._device, self._shelf, self._saving, self._options = device, shelf, saving, options
@@ -162,15 +161,16 @@ class Station:
         scheme = SCHEMES[options["scheme"]]
         self._in_rounds = scheme.model(options["light"], options["reflectance"]).in_rounds
         self._by_energy = scheme.by_energy
-        self._room = Room(memory)
+        self._memory = memory
         self._inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._ready: deque[_Work] = deque()
         self._changed = threading.Condition()
         self._reading = readers
+        self._most_waiting = solvers * busy_pixels(device)
         self._to_write: queue.Queue[_Work | None] = queue.Queue(_ROOM_OF_READERS * writers)
         self._stopped = threading.Event()
         self._readers = [threading.Thread(target=self._read_all, daemon=True) for _ in range(readers)]
-        self._solvers = [threading.Thread(target=self._solve_all, daemon=True) for _ in range(_SOLVERS)]
+        self._solvers = [threading.Thread(target=self._solve_all, daemon=True) for _ in range(solvers)]
         self._writers = [threading.Thread(target=self._write_all, daemon=True) for _ in range(writers)]
         for thread in (*self._readers, *self._solvers, *self._writers):
             thread.start()
@@ -199,7 +199,7 @@ class Station:
             work = _Work(task)
             with self._ending(work):
                 with self._changed:
-                    self._changed.wait_for(lambda: self._waiting < _SOLVERS * busy_pixels(self._device))
+                    self._changed.wait_for(lambda: self._waiting < self._most_waiting)
                 self._read(work)
                 with self._changed:
                     self._ready.append(work)
@@ -212,7 +212,9 @@ class Station:
         job = work.task.job
         in_rounds = self._in_rounds or job.guide is not None
         wanted = bytes_for(pixels(job), self._saving, in_rounds=in_rounds, by_energy=self._by_energy)
-        work.room = self._room.take(wanted)
+        granted = threading.Event()
+        self._memory.ask(work.task.number, wanted, granted.set)
+        granted.wait()
         with self._step(work, "read"):
             with suppress(OSError):  # what the system refuses is said by those who read the files: they have the words
                 work.known["stamps"] = stamps(job)
@@ -332,8 +334,7 @@ class Station:
         try:
             self._put(outcome)
         finally:
-            self._room.give_back(work.room)
-            work.room = 0
+            self._memory.give_back(work.task.number)
 
     @contextmanager
     def _step(self, work: _Work, name: str) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""One process for each device, so that what a driver does to its process stays there.
+"""Processes of a device, so that what a driver does to its process stays there.
 
 The processes are started anew, never forked: OpenCL does not survive a fork. They do not import the program that
 started them either, and so need nothing of it, no ``if __name__ == "__main__"``. A process that loses its parent ends.
@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from multiprocessing import connection as connections
@@ -21,6 +21,7 @@ from typing import Any
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.selection import select_device
+from persfs_cl.blocks import share_cores
 from persfs_cl.errors import DeviceError, InputError, PersfsError
 from persfs_cl.pipeline.health import trouble
 from persfs_cl.pipeline.station import Station, Task
@@ -32,6 +33,8 @@ from persfs_cl.wording import Spelling, brief
 
 _LAST_WORDS = 10.0
 """Seconds in which a process must have ended that has nothing to do any more: drivers may hang in that."""
+_SOLVERS = 2
+"""Threads that solve, where the device has one process: one prepares while the other waits for it."""
 _START = "import sys; sys.path[:] = sys.argv[2:]; from persfs_cl.pipeline.workers import main; main(int(sys.argv[1]))"
 
 
@@ -48,13 +51,17 @@ class Setting:
     options : Options
         Complete, but for the device.
     memory : int
-        Bytes that photos may take together.
+        Bytes that all photos in work on this machine may take together.
     solutions : bool
         Whether solutions are sent.
     threads : int
-        That read, and as many that write.
+        That read, and as many that write, where the device has one process.
     spelling : callable
         As for :class:`persfs_cl.pipeline.plan.Plan`.
+    cores : int
+        Of the processor, which are there for the device.
+    processes : int
+        That may work for the device, if its work is done by these cores.
     """
 
     device: int | str | Device | None
@@ -65,6 +72,26 @@ class Setting:
     solutions: bool
     threads: int
     spelling: Spelling = str
+    cores: int = 1
+    processes: int = 1
+
+
+@dataclass(frozen=True)
+class Ready:
+    """What a process says once it can begin.
+
+    Attributes
+    ----------
+    name : str
+        Of the device.
+    is_shared : bool
+        Whether others may work for the device too. Reading, preparing and writing is for the most part Python's, of
+        which a process does one thing at a time: where the processor's cores are the device, one process for each
+        core keeps all of them at work.
+    """
+
+    name: str
+    is_shared: bool
 
 
 class Worker:
@@ -82,7 +109,8 @@ class Worker:
     Attributes
     ----------
     connection : Connection
-        Gives what the process says: ("ready", name of the device), ("refused", error), or ("outcome", Outcome).
+        Gives what the process says: ("ready", Ready), ("refused", error), ("asks", (number of a task, bytes)), or
+        ("outcome", Outcome).
 
     Raises
     ------
@@ -124,6 +152,14 @@ class Worker:
         """Have a task done."""
         self.connection.send(("task", task))
 
+    def grant(self, number: int) -> None:
+        """Let it take the memory that it asked for."""
+        self._say("granted", number)
+
+    def use(self, cores: int) -> None:
+        """Have it leave all other cores to others."""
+        self._say("cores", cores)
+
     def stop(self) -> None:
         """Drop what is not being written."""
         self._say("stop")
@@ -147,9 +183,27 @@ class Worker:
         # What the driver does not let go will be gone when it does.
         return -int(signal.SIGTERM) if self._process.returncode is None else self._process.returncode
 
-    def _say(self, word: str) -> None:
-        with suppress(OSError):  # it has ended
-            self.connection.send((word, None))
+    def _say(self, word: str, about: int | None = None) -> None:
+        with suppress(OSError):  # it has ended, which will be heard
+            self.connection.send((word, about))
+
+
+class _MemoryOfParent:
+    """Asks the parent, of whom all processes have their memory; see :class:`persfs_cl.pipeline.room.Memory`."""
+
+    def __init__(self, say: Callable[[str, Any], None]) -> None:
+        self._say = say
+        self._asking: dict[int, Callable[[], None]] = {}
+
+    def ask(self, number: int, wanted: int, granted: Callable[[], None]) -> None:
+        self._asking[number] = granted
+        self._say("asks", (number, wanted))
+
+    def grant(self, number: int) -> None:
+        self._asking.pop(number)()
+
+    def give_back(self, number: int) -> None:
+        """The outcome says it."""
 
 
 def main(number: int) -> None:
@@ -190,40 +244,49 @@ def main(number: int) -> None:
         )
         say("refused", unknown)
         return
-    say("ready", str(device))
+    is_shared = device.kind == "cpu" and setting.processes > 1
+    say("ready", Ready(str(device), is_shared))
     with ExitStack() as open_things:
         try:
             shelf = None if setting.store is None else open_things.enter_context(setting.store.opened())
         except PersfsError as error:
             say("refused", error)
             return
+        room = _MemoryOfParent(say)
+        # Where there is a process for each core, the others work while one waits.
+        threads, solvers = (1, 1) if is_shared else (setting.threads, _SOLVERS)
         station = Station(
             device,
             shelf=shelf,
             saving=setting.saving,
             options=setting.options,
-            memory=setting.memory,
+            memory=room,
             put=lambda outcome: say("outcome", outcome),
             solutions=setting.solutions,
             spelling=setting.spelling,
-            readers=setting.threads,
-            writers=setting.threads,
+            readers=threads,
+            solvers=solvers,
+            writers=threads,
         )
         ended = threading.Event()
-        threading.Thread(target=_listen, args=(connection, station, ended), daemon=True).start()
+        threading.Thread(target=_listen, args=(connection, station, room, ended), daemon=True).start()
         ended.wait()
         station.finish()
 
 
-def _listen(connection: Connection[Any, Any], station: Station, ended: threading.Event) -> None:
+def _listen(connection: Connection[Any, Any], station: Station, room: _MemoryOfParent, ended: threading.Event) -> None:
     """Do what the parent says, for as long as it lives."""
     while True:
         try:
-            word, task = connection.recv()
+            word, about = connection.recv()
         except (EOFError, OSError):
             os._exit(1)  # whoever would note what is done is gone
         if word == "task":
-            station.add(task)
+            station.add(about)
+        elif word == "granted":
+            room.grant(about)
+        elif word == "cores":
+            share_cores(about)
         elif word == "stop":
             station.stop()
         else:

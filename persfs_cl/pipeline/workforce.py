@@ -13,6 +13,7 @@ from persfs_cl.io.limits import memory
 from persfs_cl.pipeline.cluster import Cluster
 from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.plan import Plan
+from persfs_cl.pipeline.room import BYTES_PER_PROCESS
 from persfs_cl.pipeline.station import Outcome, Task
 from persfs_cl.pipeline.store import Store
 from persfs_cl.pipeline.workers import Setting
@@ -85,10 +86,12 @@ def crew_settings(
     room = (
         int(_SHARE_OF_MEMORY * memory()) if max_memory is None else as_whole_number("max_memory", max_memory, least=1)
     )
-    threads = max(_THREADS, usable_cores() // (2 * len(chosen)))
-    memory_each = room // len(chosen)
+    cores = max(1, usable_cores() // len(chosen))
+    threads = max(_THREADS, cores // 2)
+    processes = max(1, min(cores, room // BYTES_PER_PROCESS // len(chosen)))
     return [
-        Setting(one, store, plan.saving, options, memory_each, store is None, threads, plan.spelling) for one in chosen
+        Setting(one, store, plan.saving, options, room, store is None, threads, plan.spelling, cores, processes)
+        for one in chosen
     ]
 
 

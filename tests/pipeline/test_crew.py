@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any, cast
@@ -20,7 +20,7 @@ from persfs_cl.pipeline.crew import Crew
 from persfs_cl.pipeline.listing import Input
 from persfs_cl.pipeline.manifest import Record
 from persfs_cl.pipeline.station import End, Outcome, Task
-from persfs_cl.pipeline.workers import Setting
+from persfs_cl.pipeline.workers import Ready, Setting
 from persfs_cl.pipeline.workforce import crew_settings
 
 
@@ -38,6 +38,10 @@ class Devices:
         Devices that are not there at all.
     waits_for : int
         Device 1 does nothing before device 0 was started so often.
+    shared : bool
+        Whether more than one process may work for each.
+    room : int
+        Bytes that each photo asks for.
     """
 
     kills: dict[int, Collection[str]] = field(default_factory=dict)
@@ -46,6 +50,12 @@ class Devices:
     breaks_after: dict[int, int] = field(default_factory=dict)
     absent: set[int] = field(default_factory=set)
     waits_for: int = 0
+    shared: bool = False
+    room: int = 0
+    held: int = 0
+    most_held: int = 0
+    cores: list[int] = field(default_factory=list)
+    lock: threading.Lock = field(default_factory=threading.Lock)
     did: dict[int, list[str]] = field(default_factory=lambda: {0: [], 1: []})
     started: dict[int, int] = field(default_factory=lambda: {0: 0, 1: 0})
     stopped: bool = False
@@ -73,12 +83,14 @@ class Worker:
     """As :class:`persfs_cl.pipeline.workers.Worker`, with a thread in place of a process."""
 
     devices: Devices
+    _granted: dict[int, threading.Event]
 
     def __init__(self, setting: Setting, _inherited: object) -> None:
         self._number = cast("int", setting.device)
         self.connection, self._end = Pipe()
         self.devices.started[self._number] += 1
         self._status = 0
+        self._granted = {}
         threading.Thread(target=self._work, daemon=True).start()
 
     def _work(self) -> None:
@@ -86,7 +98,7 @@ class Worker:
             if self.devices.broken(self._number):
                 parent.send(("refused", ps.DeviceError("It is broken.")))
                 return
-            parent.send(("ready", f"device {self._number}"))
+            parent.send(("ready", Ready(f"device {self._number}", self.devices.shared)))
             self._do(parent)
 
     def _do(self, parent: Connection[Any, Any]) -> None:
@@ -96,6 +108,14 @@ class Worker:
                 self.devices.stopped = True
             if word != "task":
                 continue
+            if self.devices.room:
+                parent.send(("asks", (task.number, self.devices.room)))
+                if not self._granted.setdefault(task.number, threading.Event()).wait(10.0):
+                    return
+                with self.devices.lock:
+                    self.devices.held += self.devices.room
+                    self.devices.most_held = max(self.devices.held, self.devices.most_held)
+                time.sleep(0.001)
             while self._number == 1 and self.devices.started[0] < self.devices.waits_for:
                 time.sleep(0.01)
             end = self.devices.end_of(self._number, task.name)
@@ -104,10 +124,18 @@ class Worker:
                 return
             error = None if end == "done" else ps.DeviceError(f"{task.name} does not fit.")
             record = Record(name=task.name, path="", status="done" if end == "done" else "failed")
+            with self.devices.lock:
+                self.devices.held -= self.devices.room
             parent.send(("outcome", Outcome(task.number, end, record, error)))
 
     def add(self, task: Task) -> None:
         self.connection.send(("task", task))
+
+    def grant(self, number: int) -> None:
+        self._granted.setdefault(number, threading.Event()).set()
+
+    def use(self, cores: int) -> None:
+        self.devices.cores.append(cores)
 
     def stop(self) -> None:
         with suppress(OSError):
@@ -144,10 +172,16 @@ def share(
     count: int = 2,
     interrupted: Callable[[], bool] = lambda: False,
     result: Result | None = None,
+    *,
+    processes: int = 1,
+    cores: int = 1,
+    memory: int = 2**30,
 ) -> Result:
     Worker.devices = devices
     result = Result([], {}, []) if result is None else result
-    for outcome in Crew(crew_settings(PLAN, None, list(range(count)), None)).outcomes(tasks(names), interrupted):
+    settings = crew_settings(PLAN, None, list(range(count)), memory)
+    made = [replace(one, processes=processes, cores=cores) for one in settings]
+    for outcome in Crew(made).outcomes(tasks(names), interrupted):
         if outcome.end == "done":
             result.done.append(outcome.record.name)
         elif outcome.end == "failed":
@@ -258,3 +292,55 @@ def test_an_interrupt_drops_what_is_in_hand_and_takes_no_more() -> None:
     assert result.failed == {}
     assert result.done == sorted(devices.did[0] + devices.did[1])
     assert len({*result.done, *result.dropped}) == len(result.done) + len(result.dropped) <= 2 * 16 + 3
+
+
+def test_processes_share_a_device_whose_cores_are_their_own() -> None:
+    devices = Devices(shared=True)
+    assert share(devices, NAMES, 1, cores=6, processes=3).done == NAMES
+    assert devices.started[0] == 3
+    assert set(devices.cores) <= {6, 3, 2}
+    assert 2 in devices.cores
+
+
+def test_no_more_of_them_are_started_than_there_are_photos() -> None:
+    devices = Devices(shared=True)
+    assert share(devices, NAMES[:3], 1, cores=64, processes=64).done == NAMES[:3]
+    assert devices.started[0] <= 2
+    alone = Devices()
+    assert share(alone, NAMES, 1, cores=64, processes=64).done == NAMES
+    assert (alone.started[0], alone.cores) == (1, [])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_of_a_shared_device_a_photo_that_ends_every_process_is_to_blame(count: int) -> None:
+    devices = Devices(kills={0: ["100"], 1: ["100"]}, shared=True)
+    result = share(devices, NAMES, count, cores=4, processes=4)
+    assert list(result.failed) == ["100"]
+    assert result.done == [name for name in NAMES if name != "100"]
+    # Once among others, and once by itself, on each device.
+    assert sum(devices.started.values()) <= 6 * count
+
+
+@pytest.mark.parametrize("way", ["dies_after", "breaks_after"])
+def test_a_shared_device_that_fails_midway_leaves_its_photos_to_the_other(way: str) -> None:
+    devices = Devices(**cast("Any", {way: {0: 50}}), shared=True)
+    with pytest.warns(ps.errors.PersfsWarning, match="device 0 is not used any more") as said:
+        result = share(devices, NAMES, cores=2, processes=2)
+    assert result == Result(NAMES, {}, [])
+    assert len(said) == 1
+
+
+def test_photos_in_all_processes_have_the_memory_together() -> None:
+    devices = Devices(shared=True, room=10)
+    assert share(devices, NAMES, 2, cores=3, processes=3, memory=25).done == NAMES
+    assert devices.most_held == 20
+    large = Devices(shared=True, room=100)
+    assert share(large, NAMES, 2, cores=3, processes=3, memory=25).done == NAMES
+    assert large.most_held == 100
+
+
+def test_what_a_process_held_when_it_ended_is_given_back() -> None:
+    devices = Devices(kills={0: ["003", "100"]}, shared=True, room=10)
+    result = share(devices, NAMES, 1, cores=2, processes=2, memory=10)
+    assert sorted(result.failed) == ["003", "100"]
+    assert len(result.done) == 198

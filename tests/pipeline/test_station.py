@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +35,7 @@ def outcomes(
     [setting] = crew_settings(PLAN, FolderStore(tmp_path / "out"), [None], None)
     found: list[Outcome] = []
     with FolderStore(tmp_path / "out").opened() as shelf:
-        defaults: dict[str, Any] = {"memory": 2**30, "shelf": shelf}
+        defaults: dict[str, Any] = {"memory": Room(2**30), "shelf": shelf}
         device = Station(
             ps.devices()[0],
             saving=setting.saving,
@@ -154,26 +153,26 @@ def test_a_stop_drops_what_is_not_written(tmp_path: Path) -> None:
 
 def test_photos_that_are_larger_than_all_the_memory_are_done_one_at_a_time(tmp_path: Path) -> None:
     names = photos(tmp_path / "in", 5)
-    found = outcomes(tmp_path, memory=1)
+    found = outcomes(tmp_path, memory=Room(1))
     assert {name: outcome.end for name, outcome in found.items()} == dict.fromkeys(names, "done")
 
 
 def test_room_is_taken_in_the_order_of_asking() -> None:
     room, order = Room(10), []
-    first = room.take(6)
 
-    def take(wanted: int) -> None:
-        taken = room.take(wanted)
-        order.append(wanted)
-        room.give_back(taken)
+    def ask(number: int, wanted: int) -> None:
+        room.ask(number, wanted, lambda: order.append(number))
 
-    threads = [threading.Thread(target=take, args=(wanted,)) for wanted in (99, 1)]
-    threads[0].start()
-    wait_until(room._turn.locked)
-    threads[1].start()
-    time.sleep(0.05)
-    assert order == [], "what is small does not overtake what is large"
-    room.give_back(first)
-    for thread in threads:
-        thread.join()
-    assert order == [99, 1]
+    ask(1, 6)
+    ask(2, 99)
+    ask(3, 1)
+    assert order == [1], "what is small does not overtake what is large"
+    room.give_back(1)
+    assert order == [1, 2], "what is larger than all has all"
+    ask(4, 9)
+    room.give_back(4)  # it asks no more
+    room.give_back(2)
+    assert order == [1, 2, 3]
+    room.give_back(2)  # has nothing
+    ask(5, 9)
+    assert order == [1, 2, 3, 5]
