@@ -86,6 +86,7 @@ class Worker:
     _granted: dict[int, threading.Event]
 
     def __init__(self, setting: Setting, _inherited: object) -> None:
+        self.devices = Worker.devices  # its thread may outlive a test
         self._number = cast("int", setting.device)
         self.connection, self._end = Pipe()
         self.devices.started[self._number] += 1
