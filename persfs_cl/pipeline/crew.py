@@ -128,8 +128,7 @@ class Crew:
 
     def _feed(self, team: Team, source: Iterator[Task]) -> None:
         """Give the processes of a device what they lack, and others a start where there is something left to do."""
-        setting = team.setting
-        if team.is_shared or (setting.processes > 1 and not any(member.ready for member in team.members)):
+        if team.is_shared or (team.most > 1 and not any(member.ready for member in team.members)):
             fewest = _FEWEST_SHARED
         else:
             fewest = _FEWEST if len(self._living()) > 1 else _FEWEST_ALONE
@@ -138,11 +137,12 @@ class Crew:
                 if (task := self._next(team, source)) is None:
                     break
                 self._give(member, task)
-        while team.is_shared and len(team.members) < setting.processes and not team.is_careful:
+        while team.is_shared and len(team.members) < team.most and not team.is_careful:
             if (task := self._next(team, source)) is None:
                 break
             if (further := self._start(team)) is None:
                 self._fresh.appendleft(task)
+                team.most = len(team.members)
                 break
             self._give(further, task)
         team.share_cores()
@@ -188,6 +188,12 @@ class Crew:
             elif kind == "outcome":
                 yield from self._ended(team, member, about, stopping)
             elif isinstance(about, (DeviceError, KernelBuildError)):
+                if any(other.ready for other in team.members):
+                    # The device works, but not for so many.
+                    self._dismiss(team, member)
+                    self._fresh.extend(member.tasks.values())
+                    team.most = max(1, len(team.members))
+                    continue
                 team.refusal = about
                 team.deaths = _DEATHS
                 yield from self._lost(team, member, stopping)

@@ -63,6 +63,8 @@ class Team:
     name : str
     is_shared : bool
         Whether more than one may work for it.
+    most : int
+        How many there may be.
     deaths : int
         Processes that ended in a row, with nothing done in between.
     refusal : PersfsError or None
@@ -78,6 +80,10 @@ class Team:
     deaths: int = 0
     refusal: PersfsError | None = None
     suspects: list[tuple[Task, int]] = field(default_factory=list)
+    most: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.most = self.setting.processes
 
     @property
     def title(self) -> str:

@@ -36,6 +36,8 @@ class Devices:
         So many photos are done; from then on its processes end, or it can do nothing.
     absent : set of int
         Devices that are not there at all.
+    most : int
+        Processes that a device lets in.
     waits_for : int
         Device 1 does nothing before device 0 was started so often.
     shared : bool
@@ -49,6 +51,7 @@ class Devices:
     dies_after: dict[int, int] = field(default_factory=dict)
     breaks_after: dict[int, int] = field(default_factory=dict)
     absent: set[int] = field(default_factory=set)
+    most: int = 100
     waits_for: int = 0
     shared: bool = False
     room: int = 0
@@ -76,7 +79,8 @@ class Devices:
 
     def broken(self, number: int) -> bool:
         done = len(self.did[number])
-        return number in self.absent or done >= self.breaks_after.get(number, done + 1)
+        lets_in = number not in self.absent and self.started[number] <= self.most
+        return not lets_in or done >= self.breaks_after.get(number, done + 1)
 
 
 class Worker:
@@ -345,3 +349,9 @@ def test_what_a_process_held_when_it_ended_is_given_back() -> None:
     result = share(devices, NAMES, 1, cores=2, processes=2, memory=10)
     assert sorted(result.failed) == ["003", "100"]
     assert len(result.done) == 198
+
+
+def test_a_device_that_lets_no_more_processes_in_goes_on_with_those_it_has() -> None:
+    devices = Devices(shared=True, most=2)
+    assert share(devices, NAMES, 1, cores=8, processes=8) == Result(NAMES, {}, [])
+    assert devices.started[0] > 2
