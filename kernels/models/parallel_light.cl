@@ -102,6 +102,17 @@ static inline number argmin_gradient(const number brightness, const number gradi
     return parameters->sign * most(least(slope, steepest), -steepest);
 }
 
+/* dH/dp, or with `along_y` dH/dq. */
+static inline number hamiltonian_slope(const number brightness, const number p, const number q, const number x,
+                                       const number y, const int along_y, const parameter_set *parameters)
+{
+    const number along = along_y ? y : x, slope = along_y ? q : p;
+    const real light = along_y ? parameters->q0 : parameters->p0;
+    const number w = multiply_add(x, p, multiply_add(y, q, 1));
+    const number rise = brightness * multiply_add(along, w, slope) / surface_norm(p, q, x, y);
+    return rise - (along - light) * parameters->inverse_norm;
+}
+
 /* The forward model, eq. (6): E = n / (k S). */
 static inline number rendered(const number log_depth, const number p, const number q, const number x, const number y,
                               const parameter_set *parameters)

@@ -212,9 +212,12 @@ class Model(ABC):
         and solved again, see :mod:`persfs_cl.solver.rounds`.
     exact_argmin : bool
         Whether the kernels have the very slope at which H is least, so that a state constraint is monotone.
+    coarsens : bool
+        Whether the kernels have the derivatives of H, so that the multigrid method takes it.
     """
 
     exact_argmin: ClassVar[bool] = True
+    coarsens: ClassVar[bool] = False
 
     light: Light
     reflectance: Reflectance

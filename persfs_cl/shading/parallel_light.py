@@ -161,6 +161,8 @@ class _ParallelModel(Model):
 class CosineModel(_ParallelModel):
     """Eq. (7): of a perfectly matt material."""
 
+    coarsens: ClassVar[bool] = True
+
     def equation(
         self, brightness: Array, x: Array, y: Array, numbers: Mapping[str, float], steepest: float
     ) -> Equation:

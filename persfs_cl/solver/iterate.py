@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass
-from types import MappingProxyType
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl._cl.image import Image
+from persfs_cl._cl.multigrid import Multigrid
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
 from persfs_cl.solver.complete import tolerance_of
 from persfs_cl.solver.distance import distance_to_limit
+from persfs_cl.solver.multigrid import Cycles, Descent, Hierarchy, descend
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
@@ -35,6 +37,9 @@ _MARGIN = 2.0
 
 _DITHER = 2.0
 """By how many spacings of the numbers about 1 values go up and down that have arrived."""
+
+_NOTHING = 32.0
+"""Spacings of the numbers about 1 that an iteration may change by rounding at the limit of multigrid."""
 
 _STEP = math.sqrt(0.5)
 """From one threshold of the change to the next: some iterations too many at most, and few waits."""
@@ -66,13 +71,15 @@ class Iteration:
         by_distance = options["acceleration"] and options["stopping"] == "distance"
         accelerated = [place for place, problem in enumerate(problems) if by_distance and problem.accelerates]
         plain = [place for place in range(len(problems)) if place not in accelerated]
-        pixels = {place: min(problems[place].grid.dx, problems[place].grid.dy) for place in accelerated}
-        run._advance(device, kernels, options, callback, accelerated, only_lower=False, pixels=pixels)
+        mixed = run._by_multigrid(device, problems, options, callback, accelerated)
+        pixels = [min(problems[place].grid.dx, problems[place].grid.dy) for place in mixed]
+        mixing = partial(_accelerate, pixels=pixels)
+        run._advance(device, kernels, options, run._told(callback), mixed, only_lower=False, by=mixing)
         for place in accelerated:
             if run.statuses[place] is Status.MAX_ITERATIONS and len(run.changes[place]) < options["max_iterations"]:
                 run._raise(problems[place], place)
                 plain.append(place)
-        run._advance(device, kernels, options, stop_at_once if Status.STOPPED in run.statuses else callback, plain)
+        run._advance(device, kernels, options, run._told(callback), plain)
         if options["accuracy_order"] == 2:
             corrected = [place for place, status in enumerate(run.statuses) if status is Status.CONVERGED]
             first_order = {place: run.images[place].log_depth.copy() for place in corrected}
@@ -85,6 +92,80 @@ class Iteration:
                 corrected = [place for place in corrected if run.statuses[place] is Status.MAX_ITERATIONS]
         return run
 
+    def _told(self, callback: Callback | None) -> Callback | None:
+        """What images are to be told that come later than others."""
+        return stop_at_once if Status.STOPPED in self.statuses else callback
+
+    def _by_multigrid(
+        self,
+        device: Device,
+        problems: Sequence[Problem],
+        options: Options,
+        callback: Callback | None,
+        places: Sequence[int],
+    ) -> list[int]:
+        """Take those images near their limit for which multigrid is; gives the others, which are as they were.
+
+        The ordering assigns values once more, and so says itself, whichever it is, how much is left to change.
+        """
+        cycles = self._descend(device, problems, options, callback, places)
+        solved = [place for place, own in cycles.items() if not own.failed]
+        arrived = [place for place in solved if cycles[place].converged]
+        if Status.STOPPED in self.statuses:
+            for place in arrived:
+                self.statuses[place] = Status.CONVERGED
+            arrived = []
+        else:
+            # Others have no iterations left but one, or go on from where they are.
+            last = [place for place in solved if place in arrived or not cycles[place].ended]
+            distances, there = [self.distances[place] for place in last], [place in arrived for place in last]
+            by = partial(_confirm, distances=distances, arrived=there)
+            self._advance(device, problems[0].kernels, options, callback, last, only_lower=False, by=by)
+        strayed = [place for place in arrived if self.statuses[place] is Status.MAX_ITERATIONS]
+        for place in strayed:
+            self.images[place] = problems[place].kernel_arguments
+        return [place for place in places if place not in solved or place in strayed]
+
+    def _descend(
+        self,
+        device: Device,
+        problems: Sequence[Problem],
+        options: Options,
+        callback: Callback | None,
+        places: Sequence[int],
+    ) -> dict[int, Cycles]:
+        """The cycles of each of those images for which multigrid is; one iteration is left to come after them."""
+        began = time.perf_counter()
+        hierarchies = {place: found for place in places if (found := Hierarchy.of(problems[place]))}
+        if not hierarchies:
+            return {}
+        self.variant = "multigrid"
+        stop = _Stop(options, dithers=False)
+        descents: dict[int, Descent] = {}
+        for place, hierarchy in hierarchies.items():
+            grids = Multigrid(
+                device,
+                self.images[place],
+                hierarchy.levels,
+                part=hierarchy.part,
+                model=problems[place].kernels,
+                precision=options["precision"],
+            )
+            cycles = Cycles(stop.rounding, stop.tolerance)
+            descents[place] = Descent(grids, cycles, options["max_iterations"] - 1)
+        self.build_seconds += time.perf_counter() - began
+        stopped = descend(list(descents.values()), callback)
+        for place, descent in descents.items():
+            self.changes[place] += descent.changes
+            self.kernel_seconds += descent.grids.kernel_seconds
+            self.statuses[place] = Status.STOPPED if stopped else Status.MAX_ITERATIONS
+            if not descent.cycles.failed:
+                self.distances[place] = descent.cycles.distance
+                part = hierarchies[place].part
+                values, solved = self.images[place].log_depth, problems[place].domain.solved[part]
+                values[part] = np.where(solved, descent.grids.log_depth(), values[part])
+        return {place: descent.cycles for place, descent in descents.items()}
+
     def _advance(
         self,
         device: Device,
@@ -95,9 +176,12 @@ class Iteration:
         *,
         second_order: bool = False,
         only_lower: bool = True,
-        pixels: Mapping[int, float] = MappingProxyType({}),
+        by: Callable[[_Iterations, Sweeper, _Stop], _Ends] | None = None,
     ) -> None:
-        """Iterate some images from where they are; with mixtures, where sides of the `pixels` of each are given."""
+        """Iterate some images from where they are, until they have converged or as a function says.
+
+        Of that function nothing is known, so that every cell is computed in every sweep: it may change values between.
+        """
         most = options["max_iterations"]
         for place in places:
             self.statuses[place] = Status.MAX_ITERATIONS
@@ -116,8 +200,7 @@ class Iteration:
             linear=options["boundary"] == "extrapolate",
             second_order=second_order,
             only_lower=only_lower,
-            # Mixtures change values between the sweeps.
-            rests=not pixels,
+            rests=by is None,
             resting=options["resting"],
         )
         self.build_seconds += time.perf_counter() - began
@@ -131,10 +214,7 @@ class Iteration:
         if sweeper.ordering.drifts:
             stop.resting = self.resting = options["resting"]
         iterations = _Iterations(sweeper, limits, callback, max(done))
-        if pixels:
-            ends = _accelerate(iterations, sweeper, stop, [pixels[place] for place in places])
-        else:
-            ends = _iterate(iterations, sweeper, stop)
+        ends = (by or _iterate)(iterations, sweeper, stop)
         self.kernel_seconds += sweeper.kernel_seconds
         sweeper.copy_log_depth(self.images[place].log_depth for place in places)
         for number, place in enumerate(places):
@@ -309,6 +389,24 @@ def _iterate(iterations: _Iterations, sweeper: Sweeper, stop: _Stop) -> _Ends:
     ends.distances = [stop.distance(own) for own in changes]
     if iterations.stopped:
         ends.stop(thresholds)
+    return ends
+
+
+def _confirm(
+    iterations: _Iterations, sweeper: Sweeper, stop: _Stop, distances: Sequence[float], arrived: Sequence[bool]
+) -> _Ends:
+    """An iteration of images of which some have arrived, that far from their limit; NaN is for not known."""
+    ends = _Ends(_Ends.of(sweeper.count).statuses, list(distances))
+    everyone = set(range(sweeper.count))
+    sweeper.go_on(everyone, 0.0)
+    iterations.run(everyone, 0.0, 1)
+    # Were the values wrong the scheme would have more to change.
+    enough = max(stop.tolerance, _NOTHING * stop.rounding)
+    for image, is_there in enumerate(arrived):
+        if is_there and iterations.changes[image][-1] <= enough:
+            ends.statuses[image] = Status.CONVERGED
+    if iterations.stopped:
+        ends.stop(image for image in everyone if ends.statuses[image] is not Status.CONVERGED)
     return ends
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from persfs_cl._cl.anderson import NUMBERS_A_PIXEL
+from persfs_cl._cl import anderson, multigrid
 from persfs_cl._cl.device import Device
 from persfs_cl.solver.attempt import Attempt
 from persfs_cl.solver.iterate import Watch
@@ -58,8 +58,9 @@ def pieces(shapes: Sequence[tuple[int, ...]], device: Device, precision: str) ->
     list of list of int
         In the order of the first number of each.
     """
-    # Values, their copy and brightness, what acceleration keeps, and flags.
-    bytes_a_pixel = (3 + NUMBERS_A_PIXEL) * np.dtype(precision).itemsize + 1
+    # Values, their copy and brightness, what mixtures keep, and flags; or, before these, the grids.
+    numbers_a_pixel = max(3 + anderson.NUMBERS_A_PIXEL, multigrid.NUMBERS_A_PIXEL)
+    bytes_a_pixel = numbers_a_pixel * np.dtype(precision).itemsize + 1
     found = []
     for (height, width), numbers in _alike(shapes):
         # Index arithmetic within an array is done in 32 bits here and there, hence the second bound.

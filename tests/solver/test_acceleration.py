@@ -13,6 +13,7 @@ from persfs_cl._cl.anderson import DEPTH, Mixer, Products
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.shading.reflectance import Reflectance
 from persfs_cl.solver.acceleration import Acceleration
+from persfs_cl.solver.multigrid import Hierarchy
 
 _LIGHT = ps.ParallelLight(0.3, 0.2)
 SCENES: dict[str, ps.Scene] = {
@@ -20,6 +21,12 @@ SCENES: dict[str, ps.Scene] = {
     "oblique light, toward": ps.bump((120, 101), light=_LIGHT, surface="toward"),
     "rough": ps.bump((64, 64), reflectance=ps.OrenNayar(0.4)),
 }
+
+
+@pytest.fixture(autouse=True)
+def _no_grids(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mixtures are for what multigrid is not, and these scenes are for it."""
+    monkeypatch.setattr(Hierarchy, "of", lambda _: None)
 
 
 def solve(scene: ps.Scene, **keywords: Any) -> ps.Solution:
