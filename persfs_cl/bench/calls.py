@@ -52,7 +52,12 @@ def calls(plan: Plan) -> Iterator[list[Record]]:
 def small_image(plan: Plan) -> Iterator[list[Record]]:
     """The paper's vase of 100 × 100 pixels and its 30 iterations, from call to return."""
     scene = ps.vase()
-    exactly = {"scheme": LaxFriedrichs.name, "max_iterations": _VASE_ITERATIONS, "tolerance": 0.0}
+    exactly = {
+        "scheme": LaxFriedrichs.name,
+        "max_iterations": _VASE_ITERATIONS,
+        "tolerance": 0.0,
+        "acceleration": False,
+    }
     solve = {
         ordering: partial(solved, plan, scene, mask=scene.mask, ordering=ordering, **exactly)
         for ordering in plan.orderings
@@ -89,6 +94,7 @@ def _whole(plan: Plan, size: int, images: int, ordering: str) -> Workload:
         "ordering": ordering,
         "max_iterations": _ITERATIONS,
         "tolerance": 0.0,
+        "acceleration": False,
         "device": plan.device,
         "precision": plan.precision,
     }
