@@ -15,7 +15,7 @@ from persfs_cl.shading.oren_nayar import OrenNayar
 from persfs_cl.shading.phong import Phong
 from persfs_cl.shading.reflectance import Reflectance
 
-Kind = Literal["sweeps", "shared image", "second order", "render", "smoothing", "energy", "rate", "copy"]
+Kind = Literal["sweeps", "shared image", "second order", "multigrid", "render", "smoothing", "energy", "rate", "copy"]
 
 FIRST = "lexicographic"
 ORDERINGS = (FIRST, *(name for name in REGISTERED if name != FIRST))
@@ -40,8 +40,9 @@ class Case:
     ----------
     kind : str
         "sweeps" against the reference; a "shared image", large enough for several work-groups; "second order" against
-        a surface known exactly; "render", the forward model; "smoothing" of what a guide says; the "energy" of
-        scheme "regularised", and a step that lowers it; and the measurements "rate", of sweeps, and "copy".
+        a surface known exactly; "multigrid" to the limit; "render", the forward model; "smoothing" of what a guide
+        says; the "energy" of scheme "regularised", and a step that lowers it; and the measurements "rate", of sweeps,
+        and "copy".
     precision : {"float32", "float64"}
     ordering : str
         Empty where nothing is swept.
@@ -128,6 +129,8 @@ def _first() -> Iterator[Case]:
     for precision in PRECISIONS:
         for ordering in ORDERINGS:
             yield Case("sweeps", precision, ordering, "flash", scheme="upwind")
+    for precision in PRECISIONS:
+        yield Case("multigrid", precision)
 
 
 def _others() -> Iterator[Case]:

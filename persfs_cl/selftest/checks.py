@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.multigrid import Multigrid
 from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.ordering import Setup
 from persfs_cl._cl.probes import copier, device_seconds
@@ -32,9 +33,11 @@ from persfs_cl.selftest.references import (
     limit_is_near,
     problem_of,
 )
-from persfs_cl.selftest.scenes import LARGE, SMALL, smooth
+from persfs_cl.selftest.scenes import LARGE, SMALL, framed, smooth
 from persfs_cl.selftest.smoothing import noisy_plates, smoothed_from_blocks
+from persfs_cl.solver.multigrid import Cycles, Descent, Hierarchy, descend
 from persfs_cl.solver.problem import Problem
+from persfs_cl.solver.reference import Reference
 from persfs_cl.solver.schemes import SCHEMES
 from persfs_cl.surface.geometry import log_depth_gradient
 from persfs_cl.surface.render import render
@@ -44,6 +47,8 @@ _Result = TypeVar("_Result")
 _STEPS, _LARGE_STEPS = 4, 2
 """Iterations after which values are compared: by then all kinds of updates have been done."""
 _ITERATIONS_AT_A_TIME, _MOST_ITERATIONS = 50, 2000
+_SETTLED = 0.03
+"""Of a tolerance, what an iteration may change in the limit."""
 _SECOND_ORDER_SHARE = 0.6
 """Of the error at first order, which the correction must undercut."""
 
@@ -83,6 +88,7 @@ class Checks:
             "sweeps": self._sweeps,
             "shared image": self._shared_image,
             "second order": self._second_order,
+            "multigrid": self._multigrid,
             "render": self._render,
             "smoothing": self._smoothing,
             "energy": self._energy,
@@ -143,6 +149,43 @@ class Checks:
             errors.append(float(np.abs(log_depth - truth)[problem.domain.solved].mean()))
         outcome.compare("ln z and that of the true surface", errors[1], _SECOND_ORDER_SHARE * errors[0])
         self._compare_bits(case, outcome, np.concatenate(changes), sweeper)
+
+    def _multigrid(self, case: Case, outcome: Outcome) -> None:
+        """From coarse grids to the limit of the scheme, which the reference must find nothing to change in."""
+        problem = framed(case.light_source)
+        hierarchy = Hierarchy.of(problem)
+        if hierarchy is None:
+            outcome.fail("there are no coarser grids")
+            return
+
+        def built() -> Multigrid:
+            return Multigrid(
+                self.device,
+                problem.kernel_arguments,
+                hierarchy.levels,
+                part=hierarchy.part,
+                model=problem.kernels,
+                precision=case.precision,
+            )
+
+        grids, seconds = _timed(built)
+        self.compiled()
+        _, again = _timed(built)
+        outcome.compile_seconds = max(0.0, seconds - again)
+        cycles = Cycles(float(np.finfo(case.precision).eps), ENDS[case.precision])
+        descend([Descent(grids, cycles, _MOST_ITERATIONS)], None)
+        if not cycles.converged:
+            outcome.fail("the cycles come to no end")
+        reference = Reference.of(problem)
+        reference.log_depth[hierarchy.part] = grids.log_depth()
+        rows, columns = np.nonzero(problem.domain.solved)
+        values, expected = reference.log_depth[rows, columns], reference.lax_friedrichs(rows, columns)
+        # Slow errors change little at a time.
+        outcome.compare(
+            "values and what follows from those around them",
+            apart(values, expected),
+            _SETTLED * TOLERANCES[case.precision],
+        )
 
     def _render(self, case: Case, outcome: Outcome) -> None:
         """The forward model against its formula."""

@@ -23,6 +23,7 @@ SMALL = (9, 13)
 LARGE = (270, 250)
 """More than one work-group is given: several share the image."""
 _SMOOTH = 31
+_FRAMED = (131, 118)
 _SEED = 7
 _DARKEST, _BRIGHTEST = 0.35, 0.98
 """Of what the material returns at most: darker pixels leave some lights no slope at all."""
@@ -82,6 +83,14 @@ def smooth(light: Light, reflectance: Reflectance) -> tuple[Scene, Problem]:
         known = scene.known_depth
         options["surface"], options["max_slope"] = "toward", MAX_SLOPE_UPWIND
     return scene, prepare(scene.image, scene.camera, None, None, known, options=options)
+
+
+def framed(light: Light) -> Problem:
+    """A bump whose frame is known, for the Lax-Friedrichs scheme."""
+    scene = bump(_FRAMED, light=light)
+    options = complete({"light": light, "scheme": "lax-friedrichs"})
+    options["surface"], options["max_slope"] = scene.surface, MAX_SLOPE
+    return prepare(scene.image, scene.camera, None, None, scene.known_depth, options=options)
 
 
 FRONTAL, OBLIQUE = ParallelLight(), ParallelLight(0.3, -0.2)

@@ -214,6 +214,8 @@ def _kernels(case: Case) -> str:
         return f"smooth in {case.precision}"
     if case.kind == "energy":
         return f"linearise and conjugate_gradients in {case.precision}"
+    if case.kind == "multigrid":
+        return f"grid_level, transfer and small_levels in {case.precision}"
     solved_by = SCHEMES[case.scheme]
     scheme = solved_by.kernels(solved_by.model(case.light_source, case.reflectance))[-1]
     order = " at second order" if case.kind == "second order" else ""

@@ -107,6 +107,7 @@ def test_the_kernels_are_right(case: Case) -> None:
         ("lax_friedrichs", QUICK[2]),
         ("upwind", QUICK[6]),
         ("renew_boundary", QUICK[3]),
+        ("lax_friedrichs", Case("multigrid", "float32")),
     ],
     ids=str,
 )
