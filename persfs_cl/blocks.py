@@ -64,7 +64,7 @@ def usable_cores() -> int:
 
 
 def share_cores(cores: int) -> None:
-    """Leave all cores but so many to other processes, from now on."""
+    """Have no more threads than that for rows, nor groups for sweeps, from now on: other processes have the others."""
     _Share.cores = cores
 
 

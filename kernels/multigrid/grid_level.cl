@@ -90,7 +90,7 @@ static inline number relaxed_value(__global const real *cell, const int stride, 
 }
 
 /* f - N(W), 0 where not solved. */
-static inline number remainder_at(__global const real *cell, const int stride, const number brightness,
+static inline number residual_at(__global const real *cell, const int stride, const number brightness,
                                   const number weight_x, const number weight_y, const number source, const number x,
                                   const number y, const parameter_set *parameters)
 {

@@ -1,5 +1,5 @@
-/* A level of the multigrid method too large for one work-group: its cells relaxed, red ones and black ones in turn, what
- * remains of the equation, and how far values have moved.
+/* A level of the multigrid method too large for one work-group: its cells relaxed, red ones and black ones in turn, the
+ * residual of the equation, and how far values have moved.
  *
  * A work-item takes LANES cells of a row, global size (at least width / LANES, height), but for largest_changes. Each
  * vector is computed whole, and the cells of one colour are taken from it: values go from one array to another, so that
@@ -37,13 +37,13 @@ __kernel void relax_colour(__global const real *values,     /* W                
     __global const real *x = axes + AXIS_PLANES * here.columns + column, *y = axes + AXIS_PLANES * here.rows + row;
     const number wanted = choose(with_source != 0, LOAD(source + at), 0);
     const number next = relaxed_value(values + at, here.stride, LOAD(brightness + at), LOAD(weights_x + at),
-                                LOAD(weights_y + at), wanted, LOAD(x), y[0], &own);
+                                      LOAD(weights_y + at), wanted, LOAD(x), y[0], &own);
     const integer parity = (LANE_NUMBERS + (integer)(row + column + colour)) & 1;
     STORE(relaxed_values + at, parity == 0 ? next : LOAD(values + at));
 }
 
-__kernel void find_remainder(__global const real *values,
-                             __global real *remainder, /* result: f - N(W), 0 where not solved */
+__kernel void find_residual(__global const real *values,
+                             __global real *residual, /* result: f - N(W), 0 where not solved */
                              __global const real *brightness,
                              __global const real *weights_x,
                              __global const real *weights_y,
@@ -62,7 +62,7 @@ __kernel void find_remainder(__global const real *values,
     const size_t at = place_of(here, column, row);
     __global const real *x = axes + AXIS_PLANES * here.columns + column, *y = axes + AXIS_PLANES * here.rows + row;
     const number wanted = choose(with_source != 0, LOAD(source + at), 0);
-    STORE(remainder + at, remainder_at(values + at, here.stride, LOAD(brightness + at), LOAD(weights_x + at),
+    STORE(residual + at, residual_at(values + at, here.stride, LOAD(brightness + at), LOAD(weights_x + at),
                                        LOAD(weights_y + at), wanted, LOAD(x), y[0], &own));
 }
 

@@ -20,7 +20,7 @@
 
 /* The arrays of all levels. */
 typedef struct {
-    __global real *values, *remainder, *before, *source, *weights_x, *weights_y;
+    __global real *values, *residual, *before, *source, *weights_x, *weights_y;
     __global const real *brightness;
     __global const uchar *kinds;
     __global const real *axes;
@@ -40,9 +40,9 @@ static inline void relax_small(const hierarchy all, const int level, const int w
             const size_t at = place_of(here, column, row);
             const real light = all.brightness[at];
             if (((row + column + sweep) & 1) == 0 && light == light)
-                all.values[at] = relaxed_value(all.values + at, here.stride, light, all.weights_x[at], all.weights_y[at],
-                                         with_source ? all.source[at] : 0, columns.numbers[column], rows.numbers[row],
-                                         &own);
+                all.values[at] =
+                    relaxed_value(all.values + at, here.stride, light, all.weights_x[at], all.weights_y[at],
+                                  with_source ? all.source[at] : 0, columns.numbers[column], rows.numbers[row], &own);
         }
         WAIT();
     }
@@ -60,13 +60,13 @@ static inline void descend(const hierarchy all, const int level, const int with_
         const size_t at = place_of(here, column, row);
         const real light = all.brightness[at];
         if (light == light)
-            all.remainder[at] = remainder_at(all.values + at, here.stride, light, all.weights_x[at], all.weights_y[at],
+            all.residual[at] = residual_at(all.values + at, here.stride, light, all.weights_x[at], all.weights_y[at],
                                              with_source ? all.source[at] : 0, columns.numbers[column],
                                              rows.numbers[row], &own);
     }
     WAIT();
     FOR_EACH_CELL(coarse)
-    restrict_cell(all.values, all.remainder, all.values, all.before, all.source, all.weights_x, all.weights_y,
+    restrict_cell(all.values, all.residual, all.values, all.before, all.source, all.weights_x, all.weights_y,
                   all.kinds, all.axes, all.steps, here, coarse, &own, &coarser, COLUMN_OF(coarse), ROW_OF(coarse));
     WAIT();
     FOR_EACH_CELL(coarse)
@@ -97,7 +97,7 @@ static inline void cycle_from(const hierarchy all, const int first, const int la
 
 /* The cycle of the levels `first` to `last`, for the f of the first. */
 __kernel void cycle_small_levels(__global real *values,    /* W, result                    */
-                                 __global real *remainder, /* this and the following: room */
+                                 __global real *residual, /* this and the following: room */
                                  __global real *before,
                                  __global real *source,    /* f                            */
                                  __global real *weights_x,
@@ -112,7 +112,7 @@ __kernel void cycle_small_levels(__global real *values,    /* W, result         
                                  const int last,
                                  const int coarsest_iterations)
 {
-    const hierarchy all = {values,     remainder, before, source, weights_x, weights_y,
+    const hierarchy all = {values,     residual, before, source, weights_x, weights_y,
                            brightness, kinds,     axes,   steps,  levels,    parameters};
     cycle_from(all, first, last, 1, coarsest_iterations);
 }
@@ -121,7 +121,7 @@ __kernel void cycle_small_levels(__global real *values,    /* W, result         
  * what the one before has come to.
  */
 __kernel void solve_small_levels(__global real *values, /* W, of known cells given; result */
-                                 __global real *remainder,
+                                 __global real *residual,
                                  __global real *before,
                                  __global real *source,
                                  __global real *weights_x,
@@ -139,7 +139,7 @@ __kernel void solve_small_levels(__global real *values, /* W, of known cells giv
                                  const int cycles,              /* of each level                 */
                                  const real above)
 {
-    const hierarchy all = {values,     remainder, before, source, weights_x, weights_y,
+    const hierarchy all = {values,     residual, before, source, weights_x, weights_y,
                            brightness, kinds,     axes,   steps,  levels,    parameters};
     for (int level = last; level >= first; --level) {
         const grid_level here = level_at(levels, level), coarse = level_at(levels, min(level + 1, last));

@@ -1,9 +1,9 @@
-/* Between two levels of the multigrid method: values, viscosity and what remains of the equation go to the next coarser
+/* Between two levels of the multigrid method: values, viscosity and the residual of the equation go to the next coarser
  * level, corrections and first values come back.
  *
  * An axis of n cells has n / 2 + 1 on the coarser level, with the ends of both at the same places, so that the spacing
  * grows by no more than 2. Values are interpolated between the two nearest cells along each axis, and so are they on the
- * way to the coarser level; what remains goes there by the transposed of the interpolation. Of all these only cells that
+ * way to the coarser level; the residual goes there by the transpose of the interpolation. Of all these only cells that
  * are solved, or solved or known, count, and their shares add up to 1.
  *
  * The viscosity of the coarser level keeps sigma times the spacing, as the equation does, but is no less than
@@ -144,10 +144,10 @@ static inline void own_weights_of_cell(__global real *weights_x, __global real *
     weights_y[at] = viscosity(brightness[at], y, x, parameters);
 }
 
-/* Of the finer level: values, to begin with and to compare with; viscosity at the same sigma times the spacing; and what
- * remains of the equation.
+/* Of the finer level: values, to begin with and to compare with; viscosity at the same sigma times the spacing; and the
+ * residual of the equation.
  */
-static inline void restrict_cell(__global const real *fine_values, __global const real *remainder,
+static inline void restrict_cell(__global const real *fine_values, __global const real *residual,
                                  __global real *values, __global real *before, __global real *source,
                                  __global real *weights_x, __global real *weights_y, __global const uchar *kinds,
                                  __global const real *axes, __global const int *steps, const grid_level fine,
@@ -172,7 +172,7 @@ static inline void restrict_cell(__global const real *fine_values, __global cons
                       between(weights_x + corner, kinds + corner, fine.stride, share_x, share_y, SOLVED, SOLVED);
     weights_y[here] = ratio_y * ratio_y *
                       between(weights_y + corner, kinds + corner, fine.stride, share_x, share_y, SOLVED, SOLVED);
-    source[here] = gathered(remainder, kinds, fine, columns_of(axes, steps, fine), rows_of(axes, steps, fine), column,
+    source[here] = gathered(residual, kinds, fine, columns_of(axes, steps, fine), rows_of(axes, steps, fine), column,
                             row, columns.steps[2 * columns.length + column], rows.steps[2 * rows.length + row]);
 }
 
@@ -278,7 +278,7 @@ __kernel void take_own_weights(__global real *weights_x, /* results */
 }
 
 __kernel void restrict_level(__global const real *fine_values, /* W of the finer level         */
-                             __global const real *remainder,   /* of the finer level           */
+                             __global const real *residual,   /* of the finer level           */
                              __global real *values,            /* results                      */
                              __global real *before,
                              __global real *source,
@@ -295,7 +295,7 @@ __kernel void restrict_level(__global const real *fine_values, /* W of the finer
     const int column = (int)get_global_id(0), row = (int)get_global_id(1);
     const parameter_set finer = parameters[level - 1], own = parameters[level];
     if (column < here.width)
-        restrict_cell(fine_values, remainder, values, before, source, weights_x, weights_y, kinds, axes, steps,
+        restrict_cell(fine_values, residual, values, before, source, weights_x, weights_y, kinds, axes, steps,
                       level_at(levels, level - 1), here, &finer, &own, column, row);
 }
 

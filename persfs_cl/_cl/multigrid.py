@@ -39,7 +39,7 @@ FIRST_ITERATIONS = 60
 FIRST_CYCLES = 2
 """Of each level but the finest, from what the coarser one has come to."""
 
-_OF_VECTORS = ("relax_colour", "find_remainder", "largest_changes")
+_OF_VECTORS = ("relax_colour", "find_residual", "largest_changes")
 _OF_CELLS = (
     "coarsen",
     "take_own_weights",
@@ -109,9 +109,9 @@ class Steps:
         """Of an axis of so many cells, 2 at least."""
         count = coarse_cells(cells)
         # In whole numbers, since the shares of cells that lie upon each other are 0 and not rounding.
-        coarse, above = _divided(np.arange(cells) * (count - 1), cells - 1, count)
-        fine, below = _divided(np.arange(count) * (cells - 1), count - 1, cells)
-        nearest = (2 * np.arange(cells) * (count - 1) + cells - 1) // (2 * (cells - 1))
+        coarse, above = _divided(np.arange(cells, dtype=np.int64) * (count - 1), cells - 1, count)
+        fine, below = _divided(np.arange(count, dtype=np.int64) * (cells - 1), count - 1, cells)
+        nearest = (2 * np.arange(cells, dtype=np.int64) * (count - 1) + cells - 1) // (2 * (cells - 1))
         numbers = np.arange(count)
         reached = coarse + (above > 0.0)
         return cls(
@@ -278,7 +278,7 @@ class Multigrid:
     def _upload(self, image: Image, part: Part) -> None:
         """The arrays of all levels, one behind the other, and the tables."""
         device, real, levels = self._device, self._real, self._levels
-        begins = np.cumsum([0, *(level.size for level in levels)])
+        begins = np.cumsum([0, *(level.size for level in levels)], dtype=np.int64)
         total, finest = int(begins[-1]), levels[0]
         kinds = np.concatenate([level.stored(level.kinds, np.uint8, ABSENT).ravel() for level in levels])
         brightness = np.where((image.flags[part] & SWEPT) != 0, image.brightness[part], np.nan)
@@ -295,12 +295,12 @@ class Multigrid:
             "changes": allocate(device, finest.height * real.itemsize),
             "coarsest_iterations": COARSEST_ITERATIONS,
         }
-        for name in ("values", "remainder", "before", "source", "weights_x", "weights_y"):
+        for name in ("values", "residual", "before", "source", "weights_x", "weights_y"):
             self._values[name] = self._zeros(total)
         self._now = self._values["values"]
         cl.enqueue_copy(device.queue, self._now, finest.stored(image.log_depth[part], real, 0.0))
         # Those of the finest level change places: what a cycle begins with must be kept to measure it.
-        self._rooms = [self._now, self._values["remainder"], *(self._zeros(finest.size) for _ in range(2))]
+        self._rooms = [self._now, self._values["residual"], *(self._zeros(finest.size) for _ in range(2))]
 
     def _zeros(self, count: int) -> cl.Buffer:
         """So many numbers, and some that may be read behind them."""
@@ -377,7 +377,7 @@ class Multigrid:
         with self._device.lock, in_words(self._device), self._timed():
             uncorrected = self._now
             one, corrected = self._free()
-            self._of_vectors("find_remainder", 0, values=uncorrected, remainder=one, with_source=0)
+            self._of_vectors("find_residual", 0, values=uncorrected, residual=one, with_source=0)
             self._to_coarser(0, uncorrected, one)
             self._cycle(1, with_source=1)
             self._of_cells("correct_level", 0, uncorrected=uncorrected, corrected=corrected)
@@ -400,17 +400,17 @@ class Multigrid:
         if level == self._small:
             self._of_small("cycle_small_levels")
             return
-        values, room = self._values["values"], self._values["remainder"]
+        values, room = self._values["values"], self._values["residual"]
         self._relax(level, values, room, values, with_source=with_source)
-        self._of_vectors("find_remainder", level, with_source=with_source)
+        self._of_vectors("find_residual", level, with_source=with_source)
         self._to_coarser(level, values, room)
         self._cycle(level + 1, with_source=1)
         self._of_cells("correct_level", level, uncorrected=values, corrected=values)
         self._relax(level, values, room, values, with_source=with_source)
 
-    def _to_coarser(self, level: int, values: cl.Buffer, remainder: cl.Buffer) -> None:
+    def _to_coarser(self, level: int, values: cl.Buffer, residual: cl.Buffer) -> None:
         """Give the next coarser level its equation."""
-        self._of_cells("restrict_level", level + 1, fine_values=values, remainder=remainder)
+        self._of_cells("restrict_level", level + 1, fine_values=values, residual=residual)
         self._of_cells("freeze_level", level + 1)
 
     def _largest_change(self, before: cl.Buffer) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -16,13 +17,15 @@ from persfs_cl.pipeline.manifest import Record, as_entry, now
 from persfs_cl.pipeline.members import Member, Team
 from persfs_cl.pipeline.room import Room
 from persfs_cl.pipeline.station import Outcome, Task
-from persfs_cl.pipeline.workers import Setting, Worker
+from persfs_cl.pipeline.workers import LAST_WORDS, Setting, Worker
 
 _FEWEST, _FEWEST_ALONE, _FEWEST_SHARED, _MOST = 8, 24, 2, 256
 """Tasks that a process has in hand: at the least, where its device is one of several, the only one, or shared with
 other processes; and at most. Enough to read and to write while it solves, and for small photos to share launches."""
 _DEATHS = 4
 """A device whose processes end so often, with nothing done in between, is given up."""
+_KILLED = 9
+"""The signal by which a system that lacks memory ends processes."""
 _ASKED_EVERY = 0.2
 """Seconds between two looks whether an end is asked for."""
 
@@ -91,7 +94,7 @@ class Crew:
                         member.worker.stop()
                 for team in self._living():
                     self._feed(team, source)
-                if not any(team.tasks for team in self._living()):
+                if not any(team.is_busy for team in self._living()):
                     if not self._living() and (left := [*self._fresh, *self._again, *_first(source)]):
                         raise self._nobody(len(left))
                     for team in self._living():
@@ -121,7 +124,8 @@ class Crew:
         try:
             member = Member(Worker(team.setting, self._inherited))
         except DeviceError as error:
-            team.refusal = error
+            if not team.members:
+                team.refusal = error
             return None
         team.members.append(member)
         return member
@@ -132,12 +136,17 @@ class Crew:
             fewest = _FEWEST_SHARED
         else:
             fewest = _FEWEST if len(self._living()) > 1 else _FEWEST_ALONE
+        if team.is_careful:
+            return
         for member in team.members:
-            while len(member.tasks) < min(_MOST, max(fewest, member.window)) and not team.is_careful:
+            while len(member.tasks) < min(_MOST, max(fewest, member.window)):
                 if (task := self._next(team, source)) is None:
                     break
                 self._give(member, task)
-        while team.is_shared and len(team.members) < team.most and not team.is_careful:
+                if task.attempts:
+                    team.share_cores()
+                    return
+        while team.is_shared and len(team.members) < team.most:
             if (task := self._next(team, source)) is None:
                 break
             if (further := self._start(team)) is None:
@@ -158,7 +167,7 @@ class Crew:
             return self._fresh.popleft()
         for task in _first(source):
             return task
-        if team.tasks:
+        if team.is_busy:
             return None  # first what it has, then each of the others by itself
         for task in self._again:
             tried = self._tried[task.number]
@@ -188,14 +197,9 @@ class Crew:
             elif kind == "outcome":
                 yield from self._ended(team, member, about, stopping)
             elif isinstance(about, (DeviceError, KernelBuildError)):
-                if any(other.ready for other in team.members):
-                    # The device works, but not for so many.
-                    self._dismiss(team, member)
-                    self._fresh.extend(member.tasks.values())
-                    team.most = max(1, len(team.members))
-                    continue
-                team.refusal = about
-                team.deaths = _DEATHS
+                if not any(other.ready for other in team.members):
+                    team.refusal = about
+                    team.deaths = _DEATHS
                 yield from self._lost(team, member, stopping)
             else:
                 raise about
@@ -232,8 +236,13 @@ class Crew:
     def _lost(self, team: Team, member: Member, stopping: bool) -> Iterator[Outcome]:
         """Take back what a process had to do, and start it anew, or give up its device."""
         status = self._dismiss(team, member)
-        team.deaths += 1
         tasks = list(member.tasks.values())
+        if others := any(other.ready for other in team.members):
+            # The device works. Who never came to anything, or was ended from outside, may have been one too many.
+            if not member.ready or status == -_KILLED:
+                team.most = len(team.members)
+        else:
+            team.deaths += 1
         if stopping:
             yield from map(dropped, tasks)
             return
@@ -246,8 +255,8 @@ class Crew:
                 team.suspects.append((task, status))
             else:
                 self._again.append(replace(task, attempts=task.attempts + 1))
-        # One that is left goes on, and others are started when there is something for them.
-        if team.deaths < _DEATHS and (team.members or self._start(team)):
+        # Those that are left go on, and others are started when there is something for them.
+        if others or (team.deaths < _DEATHS and (team.members or self._start(team))):
             return
         self._give_up(team, _ending(status))
 
@@ -296,9 +305,11 @@ class Crew:
                 member.worker.kill()
             else:
                 member.worker.finish()
+        # A driver may hang in that: not for each of them.
+        until = time.monotonic() + LAST_WORDS
         for team in self._teams:
             for member in team.members:
-                member.worker.close()
+                member.worker.close(max(0.0, until - time.monotonic()))
             team.members.clear()
 
 

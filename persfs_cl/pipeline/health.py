@@ -25,7 +25,7 @@ def trouble(device: Device, options: Options) -> PersfsError | None:
     ----------
     device : Device
     options : Options
-        Complete: the kernels are those that photos will need, and are compiled by this.
+        Complete: the kernels are those that photos will need, but for coarser grids, and are compiled by this.
     """
     image = np.tile(np.linspace(0.4, 0.8, _SIZE), (_SIZE, 1))
     few: Options = {**options, "max_iterations": _ITERATIONS}

@@ -91,20 +91,25 @@ class Team:
         return self.name or ("A device" if self.setting.device is None else f"Device {self.setting.device}")
 
     @property
-    def tasks(self) -> list[Task]:
-        """What all of its processes have to do."""
-        return [task for member in self.members for task in member.tasks.values()]
+    def is_busy(self) -> bool:
+        """Whether any of its processes has something to do."""
+        return any(member.tasks for member in self.members)
 
     @property
     def is_careful(self) -> bool:
         """Whether it has a task that was tried before, which nothing else shall be near."""
-        return any(task.attempts for task in self.tasks)
+        # It is alone.
+        return any(
+            len(member.tasks) == 1 and any(task.attempts for task in member.tasks.values()) for member in self.members
+        )
 
     def share_cores(self) -> None:
         """Divide the cores of a processor among the processes that have something to do."""
+        if not self.is_shared:
+            return
         busy = [member for member in self.members if member.tasks]
-        for member in busy if self.is_shared else ():
-            cores = max(1, self.setting.cores // len(busy))
+        for place, member in enumerate(busy):
+            cores = max(1, (self.setting.cores + place) // len(busy))
             if member.cores != cores:
                 member.cores = cores
                 member.worker.use(cores)

@@ -1,9 +1,9 @@
 """One device at work: threads that read, that solve, and that make results and write them, all at once.
 
-Two threads solve, so that one gets its photos onto the device while that works on those of the other. What is held at
-any time is bounded: a photo is read only when there is room for all that will come of it, by its number of pixels, and
-gives the room back when its results are written. A photo that is larger than all the room is taken when there is
-nothing else.
+Where the device has one process, two threads solve, so that one gets its photos onto the device while that works on
+those of the other. What is held at any time is bounded: a photo is read only when there is room for all that will come
+of it, by its number of pixels, and gives the room back when its results are written. A photo that is larger than all
+the room is taken when there is nothing else.
 """
 
 from __future__ import annotations
@@ -212,6 +212,7 @@ class Station:
         job = work.task.job
         in_rounds = self._in_rounds or job.guide is not None
         wanted = bytes_for(pixels(job), self._saving, in_rounds=in_rounds, by_energy=self._by_energy)
+        self._require_going()
         granted = threading.Event()
         self._memory.ask(work.task.number, wanted, granted.set)
         granted.wait()

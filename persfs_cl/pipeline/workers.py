@@ -31,7 +31,7 @@ from persfs_cl.surface.saving import Saving
 from persfs_cl.told import listen
 from persfs_cl.wording import Spelling, brief
 
-_LAST_WORDS = 10.0
+LAST_WORDS = 10.0
 """Seconds in which a process must have ended that has nothing to do any more: drivers may hang in that."""
 _SOLVERS = 2
 """Threads that solve, where the device has one process: one prepares while the other waits for it."""
@@ -122,7 +122,10 @@ class Worker:
 
     def __init__(self, setting: Setting, inherited: Sequence[int] = ()) -> None:
         said = _pickled(setting)
-        self.connection, theirs = Pipe()
+        try:
+            self.connection, theirs = Pipe()
+        except OSError as error:
+            raise _not_started(error) from error
         number = theirs.fileno()
         if os.name == "nt":
             os.set_handle_inheritable(number, True)  # type: ignore[attr-defined] # Windows only
@@ -140,9 +143,7 @@ class Worker:
             )
         except OSError as error:
             self.connection.close()
-            raise DeviceError(
-                f"A process for a device cannot be started ({error}): end others, or free some memory."
-            ) from error
+            raise _not_started(error) from error
         finally:
             theirs.close()  # so that the end of the process is the end of what it says
         with suppress(OSError):  # it has ended, which will be heard
@@ -172,11 +173,11 @@ class Worker:
         """End at once."""
         self._process.kill()
 
-    def close(self) -> int:
-        """Wait for the end, and say how it was: 0, a status, or less the number of a signal."""
-        for _ in range(2):
+    def close(self, patience: float = LAST_WORDS) -> int:
+        """Wait some seconds for the end, and say how it was: 0, a status, or less the number of a signal."""
+        for seconds in (patience, LAST_WORDS):
             try:
-                self._process.wait(_LAST_WORDS)
+                self._process.wait(seconds)
             except subprocess.TimeoutExpired:
                 self._process.kill()
         self.connection.close()
@@ -204,6 +205,10 @@ class _MemoryOfParent:
 
     def give_back(self, number: int) -> None:
         """The outcome says it."""
+
+
+def _not_started(error: OSError) -> DeviceError:
+    return DeviceError(f"A process for a device cannot be started ({error}): end others, or free some memory.")
 
 
 def main(number: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Generator, Iterable, Sequence
 from typing import Protocol, cast
 
@@ -24,6 +25,8 @@ ALL = "all"
 
 _SHARE_OF_MEMORY = 0.5
 _THREADS = 2
+_MOST_PROCESSES = 60 if os.name == "nt" else 1000
+"""Windows waits for 63 pipes at a time."""
 
 
 class Workforce(Protocol):
@@ -88,7 +91,9 @@ def crew_settings(
     )
     cores = max(1, usable_cores() // len(chosen))
     threads = max(_THREADS, cores // 2)
-    processes = max(1, min(cores, room // BYTES_PER_PROCESS // len(chosen)))
+    # Of what photos leave of the memory, others have half.
+    beside = max(0, memory() - room) // 2 // BYTES_PER_PROCESS
+    processes = max(1, min(cores, beside // len(chosen), _MOST_PROCESSES // len(chosen)))
     return [
         Setting(one, store, plan.saving, options, room, store is None, threads, plan.spelling, cores, processes)
         for one in chosen

@@ -18,7 +18,7 @@ from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
 from persfs_cl.solver.complete import tolerance_of
 from persfs_cl.solver.distance import distance_to_limit
-from persfs_cl.solver.multigrid import Cycles, Descent, Hierarchy, descend
+from persfs_cl.solver.multigrid import ROUNDINGS, Cycles, Descent, Hierarchy, descend
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
@@ -37,9 +37,6 @@ _MARGIN = 2.0
 
 _DITHER = 2.0
 """By how many spacings of the numbers about 1 values go up and down that have arrived."""
-
-_NOTHING = 32.0
-"""Spacings of the numbers about 1 that an iteration may change by rounding at the limit of multigrid."""
 
 _STEP = math.sqrt(0.5)
 """From one threshold of the change to the next: some iterations too many at most, and few waits."""
@@ -121,6 +118,8 @@ class Iteration:
             distances, there = [self.distances[place] for place in last], [place in arrived for place in last]
             by = partial(_confirm, distances=distances, arrived=there)
             self._advance(device, problems[0].kernels, options, callback, last, only_lower=False, by=by)
+        if cycles:
+            self.variant = ", ".join(filter(None, ["multigrid", self.variant]))
         strayed = [place for place in arrived if self.statuses[place] is Status.MAX_ITERATIONS]
         for place in strayed:
             self.images[place] = problems[place].kernel_arguments
@@ -139,7 +138,6 @@ class Iteration:
         hierarchies = {place: found for place in places if (found := Hierarchy.of(problems[place]))}
         if not hierarchies:
             return {}
-        self.variant = "multigrid"
         stop = _Stop(options, dithers=False)
         descents: dict[int, Descent] = {}
         for place, hierarchy in hierarchies.items():
@@ -401,7 +399,7 @@ def _confirm(
     sweeper.go_on(everyone, 0.0)
     iterations.run(everyone, 0.0, 1)
     # Were the values wrong the scheme would have more to change.
-    enough = max(stop.tolerance, _NOTHING * stop.rounding)
+    enough = max(stop.tolerance, ROUNDINGS * stop.rounding)
     for image, is_there in enumerate(arrived):
         if is_there and iterations.changes[image][-1] <= enough:
             ends.statuses[image] = Status.CONVERGED

@@ -35,6 +35,8 @@ from persfs_cl.solver.problem import Problem
 
 _LEAST_PIXELS = 80**2
 """Of an image: what is smaller takes less time by mixtures, above all in a batch, whose images these take together."""
+_MOST_PIXELS = 2**29
+"""Of an image: places in the arrays of all levels are numbers of 32 bits."""
 _LEAST_LEVELS = 3
 """With fewer the coarsest is not much coarser than the finest."""
 _LEAST_SOLVED = 9
@@ -47,8 +49,8 @@ _FASTEST = 0.2
 """Factor by which it is taken to shrink at most: at first it may be of what shrinks faster than the rest."""
 _MOST_CYCLES = 24
 """Before it is left to other means."""
-_ROUNDINGS = 32.0
-"""Spacings of the numbers about 1 within which the change of a cycle may be that of rounding alone."""
+ROUNDINGS = 32.0
+"""Spacings of the numbers about 1 by which a cycle, or an iteration at its end, may change values by rounding alone."""
 _LEFT = 5.0
 """Changes of a cycle, by rounding alone, that values may be away from their limit."""
 
@@ -79,6 +81,8 @@ class Hierarchy:
         if (solved & (flags & LACKING != 0)).any() or not solved.any():
             return None
         rows, columns = _around(solved.any(axis=1)), _around(solved.any(axis=0))
+        if not _LEAST_PIXELS <= len(rows) * len(columns) <= _MOST_PIXELS:
+            return None
         part, whole = part_of(rows, columns), problem.grid
         grid = PixelGrid(whole.x[columns], whole.y[rows], whole.dx, whole.dy)
         solved = solved[part]
@@ -86,8 +90,6 @@ class Hierarchy:
         near = Neighbours.of(Neighbours.of(solved).any | solved).any
         kinds = np.where(problem.domain.known[part] & near, np.uint8(KNOWN), np.uint8(ABSENT))
         kinds[solved] = SOLVED
-        if kinds.size < _LEAST_PIXELS:
-            return None
         levels = [_level(problem, kinds, grid)]
         while min(map(coarse_cells, kinds.shape)) >= LEAST_CELLS:
             down, across = map(Steps.of, kinds.shape)
@@ -147,12 +149,16 @@ class Cycles:
         """Whether the limit is as near as is wanted, or rounding allows."""
         return self.ended and not self.failed and self.tolerance > 0.0
 
+    def strays(self, change: float) -> bool:
+        """Whether a change is no number, or of values that grow without end; nothing is to be had of these then."""
+        if not change < 1.0 / self.rounding:
+            self.ended = self.failed = True
+        return self.failed
+
     def note(self, change: float) -> None:
         """Take another cycle into account, by its largest change."""
         self._changes.append(change)
-        if not change < 1.0 / self.rounding:
-            self.ended = self.failed = True
-        elif len(self._changes) > 1:
+        if not self.strays(change) and len(self._changes) > 1:
             before = self._changes[-2]
             self._rates.append(change / before if before > 0.0 else 0.0)
             self._judge(change)
@@ -161,16 +167,18 @@ class Cycles:
         latest = self._rates[-2:]
         rate = max(_FASTEST, *latest)
         slow = len(latest) == 2 and min(latest) >= _SLOWEST
-        if change <= _ROUNDINGS * self.rounding and self._rates[-1] >= _SLOWEST:
-            # What rounding makes of it shrinks at no rate.
+        # What rounding makes of it shrinks at no rate; what never shrank fast may be no rounding.
+        stands_still = self._rates[-1] >= _SLOWEST > min(self._rates) and change <= ROUNDINGS * self.rounding
+        if change <= self.rounding or stands_still:
             self.distance = _LEFT * max(change, self.rounding)
             self.ended = True
         elif rate < 1.0:
             self.distance = max(change, self.rounding) * rate / (1.0 - rate)
             self.ended = len(latest) == 2 and self.distance <= self.tolerance
         if not self.ended and (slow or len(self._changes) >= _MOST_CYCLES):
-            # At a tolerance of 0 what is left is brought to rest otherwise.
-            self.ended, self.failed = True, slow or self.tolerance > 0.0
+            # At a tolerance of 0 what is left is brought to rest otherwise, if it is known how much that is.
+            self.ended = True
+            self.failed = slow or self.tolerance > 0.0 or math.isnan(self.distance)
 
 
 @dataclass
@@ -204,8 +212,7 @@ class Descent:
             yield self._note(change)
 
     def _note(self, change: float) -> float:
-        if not change < 1.0 / self.cycles.rounding:
-            self.cycles.ended = self.cycles.failed = True
+        self.cycles.strays(change)
         self.changes.append(change)
         return change
 

@@ -114,14 +114,14 @@ def reconstruct(
         others, with a state constraint outside. "auto" is "outflow" for the Lax-Friedrichs scheme under a parallel
         light, else "wall". The upwind scheme knows "wall" and "fixed" only: by its nature nothing flows in.
     scheme : {"auto", "lax-friedrichs", "upwind", "regularised"}
-        "lax-friedrichs" is the paper's: it takes any Hamiltonian, smears, and needs many iterations. "upwind" solves
-        each cell exactly from the neighbours upwind: a few iterations, and several times less error. "auto" is upwind
-        where it has the `boundary` and the material permits it, under a parallel light a perfectly matt one, under a
-        flash one that is brightest face on; else the paper's. "regularised" finds the surface of least energy, which
-        the image, what is known of the depth, and smoothness decide together; for any light and material, and by name
-        only. It begins at what the sweeps find. Something must anchor the depth: known depths, a `depth_range`, or a
-        flash with fall-off. To it `boundary`, `ordering`, `accuracy_order`, `acceleration` and `max_slope` mean
-        nothing.
+        "lax-friedrichs" is the paper's: it takes any Hamiltonian, smears, and needs many iterations where
+        `acceleration` finds no coarser grids. "upwind" solves each cell exactly from the neighbours upwind: a few
+        iterations, and several times less error. "auto" is upwind where it has the `boundary` and the material permits
+        it, under a parallel light a perfectly matt one, under a flash one that is brightest face on; else the paper's.
+        "regularised" finds the surface of least energy, which the image, what is known of the depth, and smoothness
+        decide together; for any light and material, and by name only. It begins at what the sweeps find. Something must
+        anchor the depth: known depths, a `depth_range`, or a flash with fall-off. To it `boundary`, `ordering`,
+        `accuracy_order`, `acceleration` and `max_slope` mean nothing.
     ordering : {"wavefront", "checkerboard", "lexicographic"}
         Order of the cells in a sweep. "wavefront" gives the bits of "lexicographic", in parallel; "checkerboard" other
         iterates and, where the boundary is monotone, the same limit: with known edges or ``boundary="wall"``; under

@@ -40,16 +40,17 @@ class Solution(Outcome):
     walls, discontinuities
         Where the surface may jump, and where it is interrupted; None where no walls were given.
     iterations : int
-        Iterations done, of four sweeps each; for "regularised" of steps on all grids, without the sweeps before.
+        Iterations done, of four sweeps each, by multigrid those of the finest grid; for "regularised" of steps on all
+        grids, without the sweeps before.
     changes : ndarray of float64, shape (iterations,)
-        max |ΔZ| over each iteration.
+        max |ΔZ| over each iteration; what coarser grids add between two of them is in neither.
     status : Status
     distance : float
         Estimate of max |Z - limit|, the limit being where the iteration leads: from the rate at which the changes
-        shrink, within a factor of 2 where they do so steadily, and above what rounding leaves. NaN where the changes do
-        not shrink, and after the rounds of an off-axis lamp. For "regularised" it is mostly too large, up to a hundred
-        times, since patches come to rest one after the other; and it does not foresee a patch that leaves for another
-        minimum.
+        shrink, without `acceleration` within a factor of 2 where they do so steadily, and above what rounding leaves;
+        with it mostly too large. NaN where the changes do not shrink, and after the rounds of an off-axis lamp. For
+        "regularised" it is mostly too large, up to a hundred times, since patches come to rest one after the other; and
+        it does not foresee a patch that leaves for another minimum.
     elapsed : Elapsed
     parameters : mapping
         The remaining keywords, with "auto" resolved.

@@ -179,7 +179,7 @@ class Plain:
             values = np.where(self.solved & ((row + column) % 2 == half % 2), found + source / scale, values)
         return values
 
-    def remainder(self, values: Array, sigma: tuple[Array, Array], source: Array | float) -> Array:
+    def residual(self, values: Array, sigma: tuple[Array, Array], source: Array | float) -> Array:
         found, scale = self.scheme(values, sigma)
         return np.where(self.solved, source - scale * (values - found), 0.0)
 
@@ -202,9 +202,9 @@ class Plain:
         # Elsewhere it does not matter, but must be no 0.
         frozen = np.where(coarse.solved, frozen_x, 1.0), np.where(coarse.solved, frozen_y, 1.0)
         gathered = weighted(
-            down.interpolated.T, self.remainder(values, sigma, source), across.interpolated.T, self.solved
+            down.interpolated.T, self.residual(values, sigma, source), across.interpolated.T, self.solved
         )
-        wanted = gathered - coarse.remainder(begin, frozen, 0.0)
+        wanted = gathered - coarse.residual(begin, frozen, 0.0)
         moved = coarse.cycle(begin, frozen, wanted) - begin
         correction = weighted(down.interpolated, moved, across.interpolated, coarse.kinds != ABSENT)
         return np.where(self.solved, values + correction, values)

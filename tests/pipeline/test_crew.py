@@ -38,6 +38,8 @@ class Devices:
         Devices that are not there at all.
     most : int
         Processes that a device lets in.
+    dies_early : set of int
+        Which of its processes end before they are ready, the first being 1.
     waits_for : int
         Device 1 does nothing before device 0 was started so often.
     shared : bool
@@ -52,6 +54,7 @@ class Devices:
     breaks_after: dict[int, int] = field(default_factory=dict)
     absent: set[int] = field(default_factory=set)
     most: int = 100
+    dies_early: set[int] = field(default_factory=set)
     waits_for: int = 0
     shared: bool = False
     room: int = 0
@@ -94,12 +97,15 @@ class Worker:
         self._number = cast("int", setting.device)
         self.connection, self._end = Pipe()
         self.devices.started[self._number] += 1
+        self._start = self.devices.started[self._number]
         self._status = 0
         self._granted = {}
         threading.Thread(target=self._work, daemon=True).start()
 
     def _work(self) -> None:
         with suppress(EOFError, OSError), self._end as parent:
+            if self._start in self.devices.dies_early:
+                return
             if self.devices.broken(self._number):
                 parent.send(("refused", ps.DeviceError("It is broken.")))
                 return
@@ -153,7 +159,7 @@ class Worker:
     def kill(self) -> None:
         self._status = self._status or -9
 
-    def close(self) -> int:
+    def close(self, _patience: float = 0.0) -> int:
         self.connection.close()
         return self._status
 
@@ -355,3 +361,8 @@ def test_a_device_that_lets_no_more_processes_in_goes_on_with_those_it_has() -> 
     devices = Devices(shared=True, most=2)
     assert share(devices, NAMES, 1, cores=8, processes=8) == Result(NAMES, {}, [])
     assert devices.started[0] > 2
+
+
+def test_further_processes_that_come_to_nothing_do_not_cost_the_device() -> None:
+    devices = Devices(shared=True, dies_early={2, 3, 4, 5, 6, 7})
+    assert share(devices, NAMES, 1, cores=8, processes=8) == Result(NAMES, {}, [])

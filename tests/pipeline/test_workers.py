@@ -24,14 +24,24 @@ from persfs_cl.pipeline.workforce import crew_settings
 
 @pytest.mark.parametrize(
     ("cores", "gibibytes", "devices", "processes"),
-    [(1, 8, 1, 1), (6, 8, 1, 6), (6, 1, 1, 2), (6, 8, 2, 3), (2, 8, 4, 1)],
+    [(1, 8, 1, 1), (6, 8, 1, 6), (6, 15, 1, 1), (6, 12, 1, 4), (6, 8, 2, 3), (2, 8, 4, 1), (200, 0.25, 2, 8)],
 )
 def test_there_are_as_many_as_cores_and_memory_allow(
-    cores: int, gibibytes: int, devices: int, processes: int, monkeypatch: pytest.MonkeyPatch
+    cores: int, gibibytes: float, devices: int, processes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(workforce, "usable_cores", lambda: cores)
-    settings = crew_settings(PLAN, None, list(range(devices)), gibibytes * 2**30)
-    assert {(one.processes, one.memory) for one in settings} == {(processes, gibibytes * 2**30)}
+    monkeypatch.setattr(workforce, "memory", lambda: 16 * 2**30)
+    room = int(gibibytes * 2**30)
+    settings = crew_settings(PLAN, None, list(range(devices)), room)
+    assert {(one.processes, one.memory) for one in settings} == {(processes, room)}
+
+
+def test_on_windows_there_are_no_more_than_can_be_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workforce, "usable_cores", lambda: 200)
+    monkeypatch.setattr(workforce, "memory", lambda: 2**40)
+    monkeypatch.setattr(workforce, "_MOST_PROCESSES", 60)
+    settings = crew_settings(PLAN, None, [0, 1, 2], None)
+    assert sum(one.processes for one in settings) == 60
 
 
 def test_photos_come_out_the_same_from_one_process_or_several(

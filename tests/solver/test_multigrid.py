@@ -270,3 +270,26 @@ def test_what_only_rounding_moves_has_arrived() -> None:
     assert cycles.distance == pytest.approx(4.5e-6)
     at_rest = noted(1e-4, 1e-5, 1e-6, 9e-7, tolerance=0.0)
     assert (at_rest.ended, at_rest.failed, at_rest.converged) == (True, False, False)
+
+
+def test_where_a_cycle_changes_nothing_more_it_is_over() -> None:
+    for tolerance in (1e-8, 0.0):
+        cycles = noted(1e-4, 1e-5, 1e-6, 9e-8, tolerance=tolerance)
+        assert (cycles.ended, cycles.failed) == (True, False)
+        assert cycles.distance == pytest.approx(5e-7)
+    assert noted(1e-2, 0.0).distance == pytest.approx(5e-7)
+
+
+def test_a_small_change_that_shrinks_slowly_is_not_taken_for_rounding() -> None:
+    cycles = noted(3.1e-6, 2.5e-6)
+    assert not cycles.ended, "one rate alone decides nothing"
+    cycles.note(2.1e-6)
+    assert (cycles.ended, cycles.failed) == (True, True), "more may be left than is wanted"
+    assert noted(1e-6, 8e-7, 7e-7).converged
+
+
+def test_without_a_distance_nothing_is_put_above_the_limit() -> None:
+    cycles = Cycles(1e-7, 0.0)
+    while not cycles.ended:
+        cycles.note(2.0 if len(cycles._changes) % 2 else 1.0)
+    assert cycles.failed

@@ -40,7 +40,8 @@ class Scheme(ABC):
     same_iterates : bool
         Whether kernels and reference have the same values after each sweep, and not only in the limit.
     accelerates : bool
-        Whether it takes so many iterations that mixtures of them pay, and has one limit from wherever it begins.
+        Whether it takes so many iterations that coarser grids or mixtures pay, and has one limit from wherever it
+        begins.
     settles : bool
         Whether most cells soon keep their value, so that it pays to keep account of which still change.
     why_no_other_boundary : str
