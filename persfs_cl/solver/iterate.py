@@ -18,7 +18,7 @@ from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.solver.acceleration import ITERATIONS, Acceleration
 from persfs_cl.solver.complete import tolerance_of
 from persfs_cl.solver.distance import distance_to_limit
-from persfs_cl.solver.multigrid import ROUNDINGS, Cycles, Descent, Hierarchy, descend
+from persfs_cl.solver.multigrid import LEAST_ITERATIONS, ROUNDINGS, Cycles, Descent, Hierarchy, descend
 from persfs_cl.solver.options import Callback, Options
 from persfs_cl.solver.problem import Problem
 from persfs_cl.surface.outcome import Status
@@ -123,7 +123,9 @@ class Iteration:
         strayed = [place for place in arrived if self.statuses[place] is Status.MAX_ITERATIONS]
         for place in strayed:
             self.images[place] = problems[place].kernel_arguments
-        return [place for place in places if place not in solved or place in strayed]
+        left = [place for place in places if place not in solved or place in strayed]
+        # Of what was stopped in vain the start is left, and no iteration more is asked for.
+        return [place for place in left if not (self.statuses[place] is Status.STOPPED and self.changes[place])]
 
     def _descend(
         self,
@@ -135,6 +137,8 @@ class Iteration:
     ) -> dict[int, Cycles]:
         """The cycles of each of those images for which multigrid is; one iteration is left to come after them."""
         began = time.perf_counter()
+        if options["max_iterations"] < LEAST_ITERATIONS:
+            return {}
         hierarchies = {place: found for place in places if (found := Hierarchy.of(problems[place]))}
         if not hierarchies:
             return {}
@@ -150,7 +154,8 @@ class Iteration:
                 precision=options["precision"],
             )
             cycles = Cycles(stop.rounding, stop.tolerance)
-            descents[place] = Descent(grids, cycles, options["max_iterations"] - 1)
+            solved = problems[place].domain.solved[hierarchy.part]
+            descents[place] = Descent(grids, cycles, options["max_iterations"] - 1, solved)
         self.build_seconds += time.perf_counter() - began
         stopped = descend(list(descents.values()), callback)
         for place, descent in descents.items():

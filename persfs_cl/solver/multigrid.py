@@ -47,6 +47,12 @@ _SLOWEST = 0.7
 """Factor by which the change of a cycle shrinks at least, in one of two cycles that follow each other."""
 _FASTEST = 0.2
 """Factor by which it is taken to shrink at most: at first it may be of what shrinks faster than the rest."""
+_FARTHEST = 1e3
+"""Of values, and changes, from 0: of more there is no depth, and a coarse grid may have gone astray."""
+_GROWTH = 4.0
+"""Of the change from cycle to cycle, at most, unless it is one of rounding: more of it would come."""
+LEAST_ITERATIONS = 16
+"""That must be allowed: what few of them have come to is of less use than what as many of the scheme's own have."""
 _MOST_CYCLES = 24
 """Before it is left to other means."""
 ROUNDINGS = 32.0
@@ -149,16 +155,16 @@ class Cycles:
         """Whether the limit is as near as is wanted, or rounding allows."""
         return self.ended and not self.failed and self.tolerance > 0.0
 
-    def strays(self, change: float) -> bool:
-        """Whether a change is no number, or of values that grow without end; nothing is to be had of these then."""
-        if not change < 1.0 / self.rounding:
-            self.ended = self.failed = True
-        return self.failed
+    def fail(self) -> None:
+        """What they have come to is of no use."""
+        self.ended = self.failed = True
 
     def note(self, change: float) -> None:
         """Take another cycle into account, by its largest change."""
         self._changes.append(change)
-        if not self.strays(change) and len(self._changes) > 1:
+        if not change < _FARTHEST:
+            self.fail()
+        elif len(self._changes) > 1:
             before = self._changes[-2]
             self._rates.append(change / before if before > 0.0 else 0.0)
             self._judge(change)
@@ -191,6 +197,8 @@ class Descent:
     cycles : Cycles
     limit : int
         Iterations of the finest grid that there may be.
+    solved : ndarray of bool
+        Cells of the finest level that are solved.
     changes : list of float
         max |ΔW| of each of them.
     """
@@ -198,23 +206,33 @@ class Descent:
     grids: Multigrid
     cycles: Cycles
     limit: int
+    solved: NDArray[np.bool_]
     changes: list[float] = field(default_factory=list)
 
     def iterations(self) -> Iterator[float]:
         """Changes of the iterations, one by one, until no cycle more is wanted or none is left."""
         self.grids.start()
+        if not np.abs(self.grids.log_depth(), where=self.solved, out=np.zeros(self.solved.shape)).max() < _FARTHEST:
+            self.cycles.fail()
         while not self.cycles.ended and len(self.changes) < self.limit:
-            yield self._note(self.grids.smooth())
+            if self._note(self.grids.smooth()):
+                yield self.changes[-1]
             if self.cycles.ended or len(self.changes) >= self.limit:
                 break
             change, of_cycle = self.grids.correct()
-            self.cycles.note(of_cycle)
-            yield self._note(change)
+            if self._note(change):
+                self.cycles.note(of_cycle)
+                yield self.changes[-1]
 
-    def _note(self, change: float) -> float:
-        self.cycles.strays(change)
+    def _note(self, change: float) -> bool:
+        """Whether values are still such as to be used: else they have nothing to do with those that come after them."""
+        # A cycle is of two iterations.
+        before = self.changes[-2] if len(self.changes) > 1 else math.inf
+        if not change < min(_FARTHEST, max(_GROWTH * before, ROUNDINGS * self.cycles.rounding)):
+            self.cycles.fail()
+            return False
         self.changes.append(change)
-        return change
+        return True
 
 
 def descend(descents: Sequence[Descent], callback: Callback | None) -> bool:

@@ -293,3 +293,54 @@ def test_without_a_distance_nothing_is_put_above_the_limit() -> None:
     while not cycles.ended:
         cycles.note(2.0 if len(cycles._changes) % 2 else 1.0)
     assert cycles.failed
+
+
+def steep_frame() -> Callable[..., ps.Solution]:
+    """A frame much steeper than the image says, of which the coarse grids make no surface."""
+    shape = (120, 137)
+    image = np.clip(1.0 + np.random.default_rng(0).normal(0.0, 0.03, shape), 0.0, 1.0)
+    y, x = np.indices(shape)
+    depth = np.exp(0.2 * np.sin(3.0 * np.pi * (x / shape[1] + y / shape[0])))
+    depth[2:-2, 2:-2] = np.nan
+
+    def solve(**keywords: Any) -> ps.Solution:
+        return ps.reconstruct(image, ps.Camera(137.0), known_depth=depth, scheme="lax-friedrichs", **keywords)
+
+    return solve
+
+
+@pytest.mark.parametrize("most", [1, 2, 20, 1000])
+def test_values_that_stray_are_neither_used_nor_told_of(most: int) -> None:
+    solve = steep_frame()
+    plain, told = solve(max_iterations=most, acceleration=False), list[float]()
+
+    def tell(_: int, change: float) -> bool:
+        told.append(change)
+        return False
+
+    solution = solve(max_iterations=most, callback=tell)
+    np.testing.assert_array_equal(np.isnan(solution.depth), np.isnan(plain.depth))
+    assert solution.iterations == len(told) == len(solution.changes) <= most
+    assert max(told) == solution.changes.max() < 1e5
+
+
+def test_few_iterations_are_the_schemes_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Multigrid, "start", lambda _: pytest.fail("there are grids"))
+    scene = ps.bump((90, 90))
+    few, plain = (solve(scene, max_iterations=15, acceleration=on) for on in (True, False))
+    np.testing.assert_array_equal(few.depth, plain.depth)
+
+
+def test_a_cycle_that_grows_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Multigrid, "correct", lambda _: (7.0, 7.0))
+    monkeypatch.setattr(Multigrid, "smooth", lambda grids: grids.grown())
+    changes = iter([1e-3, 1e-2])
+    monkeypatch.setattr(Multigrid, "grown", lambda _: next(changes), raising=False)
+    scene = ps.bump((90, 90))
+    stopped = solve(scene, callback=lambda done, _: done == 2)
+    assert (stopped.iterations, stopped.status) == (2, ps.Status.STOPPED)
+    changes = iter([1e-3, 1e-2])
+    found = solve(scene)
+    np.testing.assert_allclose(found.log_depth, solve(scene, acceleration=False).log_depth, atol=3e-5)
+    assert list(found.changes[:2]) == [1e-3, 7.0]
+    assert 1e-2 not in found.changes
