@@ -20,17 +20,12 @@
  *     steps  the first of those two coarse cells; the first of those two fine cells; the first fine cell that is
  *            interpolated from this one; the first fine cell that is nearest to this one
  *
+ * A cell is ABSENT, SOLVED or KNOWN; these numbers, AXIS_PLANES and STEP_PLANES are given to the program.
+ *
  * Functions for the lanes of one vector, in a program with a model and a scheme. They read no memory but the cells that
  * pointers lead to.
  */
 #define LEVEL_NUMBERS 6
-#define AXIS_PLANES 5
-#define STEP_PLANES 4
-
-/* What a cell is. */
-#define ABSENT 0
-#define SOLVED 1
-#define KNOWN 2
 
 typedef struct {
     int begin, width, height, stride, columns, rows;
@@ -81,8 +76,8 @@ static inline number operator_at(__global const real *cell, const int stride, co
 
 /* The values that solve the equation at cells for the neighbours that they have; what they are where not solved. */
 static inline number relaxed_value(__global const real *cell, const int stride, const number brightness,
-                             const number weight_x, const number weight_y, const number source, const number x,
-                             const number y, const parameter_set *parameters)
+                                   const number weight_x, const number weight_y, const number source, const number x,
+                                   const number y, const parameter_set *parameters)
 {
     const number value = value_with(cell, stride, brightness, weight_x, weight_y, x, y, parameters);
     const number next = value + source / scale_of(weight_x, weight_y);
@@ -91,8 +86,8 @@ static inline number relaxed_value(__global const real *cell, const int stride, 
 
 /* f - N(W), 0 where not solved. */
 static inline number residual_at(__global const real *cell, const int stride, const number brightness,
-                                  const number weight_x, const number weight_y, const number source, const number x,
-                                  const number y, const parameter_set *parameters)
+                                 const number weight_x, const number weight_y, const number source, const number x,
+                                 const number y, const parameter_set *parameters)
 {
     const number found = source - operator_at(cell, stride, brightness, weight_x, weight_y, x, y, parameters);
     return choose(brightness == brightness, found, 0);

@@ -43,16 +43,16 @@ __kernel void relax_colour(__global const real *values,     /* W                
 }
 
 __kernel void find_residual(__global const real *values,
-                             __global real *residual, /* result: f - N(W), 0 where not solved */
-                             __global const real *brightness,
-                             __global const real *weights_x,
-                             __global const real *weights_y,
-                             __global const real *source,
-                             __global const real *axes,
-                             __global const int *levels,
-                             __global const parameter_set *parameters,
-                             const int level,
-                             const int with_source)
+                            __global real *residual, /* result: f - N(W), 0 where not solved */
+                            __global const real *brightness,
+                            __global const real *weights_x,
+                            __global const real *weights_y,
+                            __global const real *source,
+                            __global const real *axes,
+                            __global const int *levels,
+                            __global const parameter_set *parameters,
+                            const int level,
+                            const int with_source)
 {
     const grid_level here = level_at(levels, level);
     const int column = (int)get_global_id(0) * LANES, row = (int)get_global_id(1);
@@ -63,7 +63,7 @@ __kernel void find_residual(__global const real *values,
     __global const real *x = axes + AXIS_PLANES * here.columns + column, *y = axes + AXIS_PLANES * here.rows + row;
     const number wanted = choose(with_source != 0, LOAD(source + at), 0);
     STORE(residual + at, residual_at(values + at, here.stride, LOAD(brightness + at), LOAD(weights_x + at),
-                                       LOAD(weights_y + at), wanted, LOAD(x), y[0], &own));
+                                     LOAD(weights_y + at), wanted, LOAD(x), y[0], &own));
 }
 
 /* The largest change of a row, NOWHERE where one is not finite; a work-item takes a row. */

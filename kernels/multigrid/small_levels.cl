@@ -5,6 +5,7 @@
  *
  * ALONE  1: the group has one work-item, and nobody to wait for. On processors PoCL cannot compile as many barriers in
  *        loops. 0 for others: Mesa's compilers go wrong where one work-item reads again what it has written.
+ * HALF_SWEEPS  of an iteration.
  */
 #if ALONE
 #define FOR_EACH_CELL(here) for (int cell = 0; cell < (here).width * (here).height; ++cell)
@@ -16,7 +17,6 @@
 #endif
 #define COLUMN_OF(here) (cell % (here).width)
 #define ROW_OF(here) (cell / (here).width)
-#define HALF_SWEEPS 8
 
 /* The arrays of all levels. */
 typedef struct {
@@ -60,9 +60,9 @@ static inline void descend(const hierarchy all, const int level, const int with_
         const size_t at = place_of(here, column, row);
         const real light = all.brightness[at];
         if (light == light)
-            all.residual[at] = residual_at(all.values + at, here.stride, light, all.weights_x[at], all.weights_y[at],
-                                             with_source ? all.source[at] : 0, columns.numbers[column],
-                                             rows.numbers[row], &own);
+            all.residual[at] =
+                residual_at(all.values + at, here.stride, light, all.weights_x[at], all.weights_y[at],
+                            with_source ? all.source[at] : 0, columns.numbers[column], rows.numbers[row], &own);
     }
     WAIT();
     FOR_EACH_CELL(coarse)
@@ -97,7 +97,7 @@ static inline void cycle_from(const hierarchy all, const int first, const int la
 
 /* The cycle of the levels `first` to `last`, for the f of the first. */
 __kernel void cycle_small_levels(__global real *values,    /* W, result                    */
-                                 __global real *residual, /* this and the following: room */
+                                 __global real *residual,  /* this and the following: room */
                                  __global real *before,
                                  __global real *source,    /* f                            */
                                  __global real *weights_x,
@@ -113,7 +113,7 @@ __kernel void cycle_small_levels(__global real *values,    /* W, result         
                                  const int coarsest_iterations)
 {
     const hierarchy all = {values,     residual, before, source, weights_x, weights_y,
-                           brightness, kinds,     axes,   steps,  levels,    parameters};
+                           brightness, kinds,    axes,   steps,  levels,    parameters};
     cycle_from(all, first, last, 1, coarsest_iterations);
 }
 
@@ -140,7 +140,7 @@ __kernel void solve_small_levels(__global real *values, /* W, of known cells giv
                                  const real above)
 {
     const hierarchy all = {values,     residual, before, source, weights_x, weights_y,
-                           brightness, kinds,     axes,   steps,  levels,    parameters};
+                           brightness, kinds,    axes,   steps,  levels,    parameters};
     for (int level = last; level >= first; --level) {
         const grid_level here = level_at(levels, level), coarse = level_at(levels, min(level + 1, last));
         const parameter_set own = parameters[level];

@@ -47,14 +47,20 @@ static inline int fine_of(const axis_tables tables, const int index, real *share
     return tables.steps[tables.length + index];
 }
 
+/* Share of one of four cells, by its number from left to right and down. */
+static inline real share_of(const int corner, const real share_x, const real share_y)
+{
+    return (corner & 1 ? share_x : 1 - share_x) * (corner >> 1 ? share_y : 1 - share_y);
+}
+
 /* Values between four cells, of which those that are at least `least_kind` and at most `most_kind` count. */
 static inline real between(__global const real *values, __global const uchar *kinds, const int stride,
                            const real share_x, const real share_y, const int least_kind, const int most_kind)
 {
     real sum = 0, shares = 0;
     for (int corner = 0; corner < 4; ++corner) {
-        const int right = corner & 1, down = corner >> 1, at = down * stride + right;
-        const real share = (right ? share_x : 1 - share_x) * (down ? share_y : 1 - share_y);
+        const int at = (corner >> 1) * stride + (corner & 1);
+        const real share = share_of(corner, share_x, share_y);
         /* A share of 0 may belong to a cell that is not there. */
         if (share > 0 && kinds[at] >= least_kind && kinds[at] <= most_kind) {
             sum += share * values[at];
@@ -64,7 +70,7 @@ static inline real between(__global const real *values, __global const uchar *ki
     return shares > 0 ? sum / shares : 0;
 }
 
-/* The transposed of the interpolation, of solved cells. */
+/* The transpose of the interpolation, of solved cells. */
 static inline real gathered(__global const real *fine_values, __global const uchar *kinds, const grid_level fine,
                             const axis_tables fine_columns, const axis_tables fine_rows, const int column,
                             const int row, const int first_column, const int first_row)
@@ -110,11 +116,11 @@ static inline void coarsen_cell(__global real *values, __global real *brightness
         real share_x, share_y, sum = 0;
         const int left = fine_of(columns, column, &share_x), up = fine_of(rows, row, &share_y);
         const size_t corner = place_of(fine, left, up);
-        int count = 0, beside = 0;
+        int count = 0, is_between = 0;
         for (int at = 0; at < 4; ++at)
-            beside |= kinds[corner + (size_t)((at >> 1) * fine.stride + (at & 1))] == KNOWN &&
-                      (at & 1 ? share_x : 1 - share_x) > 0 && (at >> 1 ? share_y : 1 - share_y) > 0;
-        if (beside) {
+            is_between |= kinds[corner + (size_t)((at >> 1) * fine.stride + (at & 1))] == KNOWN &&
+                          share_of(at, share_x, share_y) > 0;
+        if (is_between) {
             value = between(values + corner, kinds + corner, fine.stride, share_x, share_y, KNOWN, KNOWN);
         } else {
             __global const int *cells_x = columns.steps + 3 * columns.length, *cells_y = rows.steps + 3 * rows.length;
@@ -218,9 +224,8 @@ static inline void correct_cell(__global const real *uncorrected, __global real 
         const size_t corner = place_of(coarse, left, up);
         real sum = 0, shares = 0;
         for (int place = 0; place < 4; ++place) {
-            const int right = place & 1, down = place >> 1;
-            const size_t from = corner + (size_t)(down * coarse.stride + right);
-            const real share = (right ? share_x : 1 - share_x) * (down ? share_y : 1 - share_y);
+            const size_t from = corner + (size_t)((place >> 1) * coarse.stride + (place & 1));
+            const real share = share_of(place, share_x, share_y);
             if (share > 0 && kinds[from] != ABSENT) {
                 sum += share * (values[from] - before[from]);
                 shares += share;

@@ -28,7 +28,7 @@ NUMBERS_A_PIXEL = 12
 LEAST_CELLS = 5
 """Of an axis of the coarsest level."""
 ABSENT, SOLVED, KNOWN = 0, 1, 2
-"""What a cell is, as in kernels/multigrid/grid_level.cl."""
+"""What a cell is."""
 
 HALF_SWEEPS = 8
 """Of an iteration, which updates every cell four times."""
@@ -53,7 +53,15 @@ _OF_CELLS = (
 """Kernels."""
 
 _AXIS_PLANES, _STEP_PLANES = 5, 4
-"""Of the tables, as in kernels/multigrid/grid_level.cl."""
+"""Of the tables, see kernels/multigrid/grid_level.cl."""
+_GIVEN = {
+    "ABSENT": ABSENT,
+    "SOLVED": SOLVED,
+    "KNOWN": KNOWN,
+    "AXIS_PLANES": _AXIS_PLANES,
+    "STEP_PLANES": _STEP_PLANES,
+}
+"""To all programs."""
 _SMALL = 48**2
 """Cells of a level up to which a launch of its own would take longer than its work."""
 _VECTORS = 8
@@ -259,8 +267,16 @@ class Multigrid:
         self.kernel_seconds = 0.0
         fields = list(image.parameters)
         with device.lock, in_words(device):
-            vectors = [*model, "change", "grid_level", "relax_level"], {"LANES": self._lanes}
-            cells = [*model, "grid_level", "transfer", "small_levels"], {"LANES": 1, "ALONE": int(self._alone)}
+            vectors = [*model, "change", "grid_level", "relax_level"], {"LANES": self._lanes, **_GIVEN}
+            cells = (
+                [*model, "grid_level", "transfer", "small_levels"],
+                {
+                    "LANES": 1,
+                    "ALONE": int(self._alone),
+                    "HALF_SWEEPS": HALF_SWEEPS,
+                    **_GIVEN,
+                },
+            )
             self._kernels = {
                 name: kernel(device, files, precision, definitions, name, fields)
                 for names, (files, definitions) in ((_OF_VECTORS, vectors), (_OF_CELLS, cells))
@@ -340,8 +356,14 @@ class Multigrid:
         most = 1 if self._alone else min(_GROUP, self._kernels[name].largest_group(self._device))
         self._launch(name, (most,), (most,), first=self._small, last=self._last, **own)
 
-    def start(self) -> None:
-        """Give the finest level the surface of the coarser ones."""
+    def start(self) -> float:
+        """Give the finest level the surface of the coarser ones.
+
+        Returns
+        -------
+        float
+            max |W|; at least 1e30 where values are not finite.
+        """
         with self._device.lock, in_words(self._device), self._timed():
             self._of_small(
                 "solve_small_levels", first_iterations=FIRST_ITERATIONS, cycles=FIRST_CYCLES, above=self._above
@@ -351,6 +373,8 @@ class Multigrid:
                 self._of_cells("take_own_weights", level)
                 for _ in range(FIRST_CYCLES if level else 0):
                     self._cycle(level, with_source=0)
+            # Nothing was put there yet.
+            return self._largest_change(self._rooms[-1])
 
     def smooth(self) -> float:
         """The first half of a cycle, an iteration of the finest level.

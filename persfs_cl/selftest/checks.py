@@ -173,7 +173,7 @@ class Checks:
         _, again = _timed(built)
         outcome.compile_seconds = max(0.0, seconds - again)
         cycles = Cycles(float(np.finfo(case.precision).eps), ENDS[case.precision])
-        descend([Descent(grids, cycles, _MOST_ITERATIONS, problem.domain.solved[hierarchy.part])], None)
+        descend([Descent(grids, cycles, _MOST_ITERATIONS)], None)
         if not cycles.converged:
             outcome.fail("the cycles come to no end")
         reference = Reference.of(problem)

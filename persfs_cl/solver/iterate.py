@@ -154,8 +154,7 @@ class Iteration:
                 precision=options["precision"],
             )
             cycles = Cycles(stop.rounding, stop.tolerance)
-            solved = problems[place].domain.solved[hierarchy.part]
-            descents[place] = Descent(grids, cycles, options["max_iterations"] - 1, solved)
+            descents[place] = Descent(grids, cycles, options["max_iterations"] - 1)
         self.build_seconds += time.perf_counter() - began
         stopped = descend(list(descents.values()), callback)
         for place, descent in descents.items():

@@ -197,8 +197,6 @@ class Descent:
     cycles : Cycles
     limit : int
         Iterations of the finest grid that there may be.
-    solved : ndarray of bool
-        Cells of the finest level that are solved.
     changes : list of float
         max |ΔW| of each of them.
     """
@@ -206,13 +204,11 @@ class Descent:
     grids: Multigrid
     cycles: Cycles
     limit: int
-    solved: NDArray[np.bool_]
     changes: list[float] = field(default_factory=list)
 
     def iterations(self) -> Iterator[float]:
         """Changes of the iterations, one by one, until no cycle more is wanted or none is left."""
-        self.grids.start()
-        if not np.abs(self.grids.log_depth(), where=self.solved, out=np.zeros(self.solved.shape)).max() < _FARTHEST:
+        if not self.grids.start() < _FARTHEST:
             self.cycles.fail()
         while not self.cycles.ended and len(self.changes) < self.limit:
             if self._note(self.grids.smooth()):
