@@ -44,6 +44,7 @@ def environment(device: Device, command: str) -> dict[str, Any]:
             "platform": device.platform,
             "platform_version": device.platform_version,
             "driver_version": device.driver_version,
+            "compiles_for": device.processor,
             "compute_units": device.compute_units,
             "memory_bytes": device.memory,
         },
@@ -60,8 +61,9 @@ def summary(header: Mapping[str, Any]) -> str:
     device, versions = header["device"], header["versions"]
     packages = ", ".join(f"{name} {number}" for name, number in versions.items())
     platform_version = device["platform_version"].partition(",")[0]  # PoCL goes on with how it was built
+    compiles_for = f", compiling for {device['compiles_for']}" if device["compiles_for"] else ""
     return (
-        f"{device['name']}; {device['platform']}, {platform_version}, driver {device['driver_version']}\n"
+        f"{device['name']}; {device['platform']}, {platform_version}, driver {device['driver_version']}{compiles_for}\n"
         f"{header['processor']}, {header['cores']} cores; {packages}; {header['date']}"
     )
 

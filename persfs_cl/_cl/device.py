@@ -14,6 +14,7 @@ import numpy as np
 import pyopencl as cl
 
 from persfs_cl._cl.cache import prepare_caches
+from persfs_cl._cl.processor import name_processor
 from persfs_cl.checks import warn
 from persfs_cl.errors import DeviceError
 from persfs_cl.wording import keyword
@@ -59,6 +60,9 @@ class Device:
         Work-items of a work-group at most.
     register_bits : int or None
         See :func:`persfs_cl._cl.registers.register_bits`; None before it is asked for.
+    processor : str or None
+        What the device's compiler was told that the processor is, see
+        :func:`persfs_cl._cl.processor.name_processor`; None where it knows by itself, and before there is a context.
 
     Examples
     --------
@@ -86,6 +90,7 @@ class Device:
         self.compute_units: int = handle.max_compute_units
         self.largest_group: int = handle.max_work_group_size
         self.register_bits: int | None = None
+        self.processor: str | None = None
         self.programs: dict[object, cl.Program] = {}
         self.kernels: dict[object, Any] = {}
         self._context: cl.Context | None = None
@@ -97,7 +102,9 @@ class Device:
         _claim_process()
         if self._context is None:  # asked before the lock too, which another thread may hold for a whole run
             with self._lock, self._refusal("context"):
-                self._context = self._context or cl.Context([self._handle])
+                if self._context is None:
+                    self.processor = name_processor(self._handle)
+                    self._context = cl.Context([self._handle])
         return self._context
 
     @property

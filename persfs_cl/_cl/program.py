@@ -130,6 +130,9 @@ def _build(device: Device, names: Sequence[str], constants: Mapping[str, int], p
     options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]
     if device.rounds_correctly:
         options.append("-cl-fp32-correctly-rounded-divide-sqrt")
+    if device.processor:
+        # PoCL's cache goes by the name that its compiler has for the processor, and may serve several machines.
+        options.append(f"-DPROCESSOR={device.processor.replace('-', '_')}")
     remedy = f"Delete the kernel cache, which is {pocl_cache()} for PoCL, or use another device."
     for attempt in range(_ATTEMPTS):
         try:

@@ -21,6 +21,7 @@ def facts(device: Device) -> dict[str, Any]:
         "opencl": handle.version.strip(),
         "opencl_c": handle.opencl_c_version.strip(),
         "vendor": handle.vendor.strip(),
+        "compiles_for": device.processor,
         "clock_mhz": handle.max_clock_frequency,
         "largest_group": device.largest_group,
         "local_memory_bytes": handle.local_mem_size,

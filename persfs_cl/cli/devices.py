@@ -236,6 +236,8 @@ def _print_report(device: Device, report: Report, *, fresh: bool, first: bool) -
     _print_measures(console, report)
     for (ordering, kernel, reason), precisions in _by_kernel(report).items():
         console.print(f"{ordering} in {' and '.join(precisions)}: {kernel}. {reason}")
+    if level := report.facts.get("compiles_for"):
+        console.print(f"Its compiler does not know the processor, and compiles for {level}.")
     total, slowest = _compiled(report)
     if slowest:
         where = ", ".join(slowest[key] for key in ("case", "ordering", "precision") if slowest[key])

@@ -63,6 +63,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
         platforms = [SimpleNamespace(name=h.platform.name, get_devices=lambda h=h: [h]) for h in handles]
         monkeypatch.setattr(cl, "get_platforms", lambda: platforms)
         monkeypatch.setattr(selection, "register_bits", lambda _: 256)
+        monkeypatch.setattr(device_module, "name_processor", lambda _: None)
         monkeypatch.delenv("PYOPENCL_CTX", raising=False)
         device_module._all_devices.cache_clear()
         return ps.devices()

@@ -1,0 +1,148 @@
+"""A processor that is newer than PoCL's compiler, named by what it can do."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import platform
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pyopencl as cl
+
+_LOG = logging.getLogger(__name__)
+_LEVELS = (
+    ("x86-64-v4", 16, "avx512f avx512bw avx512cd avx512dq avx512vl"),
+    ("x86-64-v3", 8, "avx avx2 bmi1 bmi2 f16c fma abm movbe"),
+    ("x86-64-v2", 4, "cx16 lahf_lm popcnt pni sse4_1 sse4_2 ssse3"),
+)
+"""Levels of the System V ABI for x86-64, which all compilers know: the width of a vector in floats, and what a level
+adds to the one below it, as Linux calls it."""
+_BASE = "x86-64"
+_UNKNOWN = "generic"
+_POINTER = struct.Struct("@P")
+_RECORD = 4096
+"""Bytes of PoCL's record of a device that are searched: the names stand in its first kilobyte."""
+_LONGEST_NAME = 64
+
+
+def name_processor(handle: cl.Device) -> str | None:
+    """Tell PoCL's compiler what the processor can do, if the compiler is older and does not know the processor.
+
+    LLVM calls what it does not know "generic". PoCL hands the name on, and LLVM's own front end refuses it: nothing
+    compiles. No option or variable of the environment gives it another name. But each build reads it from the driver's
+    record of the device, where it stands behind the target's name. There it is replaced by the x86-64 level that Linux
+    and the driver agree on.
+
+    Parameters
+    ----------
+    handle : pyopencl.Device
+        Of which nothing has been compiled yet.
+
+    Returns
+    -------
+    str or None
+        The level, such as "x86-64-v3", from an earlier call too; None where the compiler knows the processor, or the
+        driver is not PoCL on Linux and x86-64.
+
+    Examples
+    --------
+    >>> import persfs_cl as ps
+    >>> from persfs_cl._cl.processor import name_processor
+    >>> name_processor(ps.devices()[0].context.devices[0]) in (None, "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
+    True
+    """
+    if sys.platform != "linux" or platform.machine() != "x86_64" or "PoCL" not in handle.platform.version:
+        return None
+    try:
+        # Reading by this file is refused where an address is no memory; reading the address itself ends the process.
+        memory = os.open("/proc/self/mem", os.O_RDONLY)
+    except OSError as error:
+        _LOG.debug("%s: the name of its processor cannot be looked up: %s", handle.name, error)
+        return None
+    try:
+        place, name = _name_in(lambda address, size: _read(memory, address, size), handle.int_ptr)
+    finally:
+        os.close(memory)
+    if name != _UNKNOWN:
+        return name if name in (_BASE, *(level for level, _, _ in _LEVELS)) else None
+    level = level_of(_flags(), handle.native_vector_width_float)
+    # PoCL may free it.
+    ctypes.c_void_p.from_address(place).value = _copy_in_c(level)
+    _LOG.debug("%s: its compiler does not know the processor, and is told that it is %s", handle.name, level)
+    return level
+
+
+def level_of(flags: set[str], width: int) -> str:
+    """The highest level all of whose flags are there, and whose vectors are no wider than the driver says.
+
+    Emulators show the flags of the processor beneath them; the driver has asked the processor itself.
+
+    Parameters
+    ----------
+    flags : set of str
+        As in /proc/cpuinfo.
+    width : int
+        Floats of the widest vector that the driver knows of.
+
+    Examples
+    --------
+    >>> from persfs_cl._cl.processor import level_of
+    >>> level_of({"sse2"}, 4)
+    'x86-64'
+    """
+    reached = _BASE
+    for level, floats, added in reversed(_LEVELS):
+        if floats > width or not flags.issuperset(added.split()):
+            break
+        reached = level
+    return reached
+
+
+def _flags() -> set[str]:
+    """What this processor can do; nothing where Linux does not say."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return set()
+    return next((set(line.partition(":")[2].split()) for line in lines if line.startswith("flags")), set())
+
+
+def _name_in(read: Callable[[int, int], bytes], record: int) -> tuple[int, str]:
+    """Address of the pointer to the processor's name in a device's record, and that name; (0, "") where it has none."""
+    before = ""
+    for place, address in _pointers(read(record, _RECORD), record):
+        name = _text_at(read, address)
+        if before.startswith("x86_64-"):
+            return place, name
+        before = name
+    return 0, ""
+
+
+def _pointers(record: bytes, begin: int) -> Iterator[tuple[int, int]]:
+    whole = len(record) - len(record) % _POINTER.size
+    for offset, (address,) in enumerate(_POINTER.iter_unpack(record[:whole])):
+        yield begin + offset * _POINTER.size, address
+
+
+def _text_at(read: Callable[[int, int], bytes], address: int) -> str:
+    """Text at an address, up to its end; nothing where there is no memory."""
+    # Near the end of what can be read, less comes back than was asked for.
+    return read(address, _LONGEST_NAME).partition(b"\0")[0].decode("ascii", errors="replace")
+
+
+def _read(memory: int, address: int, size: int) -> bytes:
+    try:
+        return os.pread(memory, size, address)
+    except (OSError, OverflowError):  # no memory there, or no address of a file
+        return b""
+
+
+def _copy_in_c(text: str) -> Any:
+    copied = ctypes.CDLL(None).strdup
+    copied.restype = ctypes.c_void_p
+    return copied(text.encode())
