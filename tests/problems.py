@@ -106,7 +106,7 @@ def random_problem(
 
 def fitted(ordering: Ordering, device: Device, precision: str) -> Ordering:
     """The ordering with no wider vectors than the device takes, and as many of them a strip."""
-    wide = min(ordering.lanes, lanes(device, precision))
+    wide = lanes(device, precision, ordering.lanes)
     if ordering.lanes > 1 and wide == 1:
         pytest.skip(f"{device} takes no vectors")
     return replace(ordering, lanes=wide)

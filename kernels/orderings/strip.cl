@@ -38,7 +38,14 @@
 /* Lanes shifted by one row or by two: TO_BELOW gives each row the lane of the row above it, TO_ABOVE that of the row
  * below. The lanes for which there is none are then overwritten.
  */
-#if LANES == 8
+#if LANES == 16
+#define LAST sf
+#define LAST_BUT_ONE se
+#define TO_BELOW(lanes) (lanes).s00123456789abcde
+#define TO_ABOVE(lanes) (lanes).s123456789abcdeff
+#define TWO_TO_BELOW(lanes) (lanes).s000123456789abcd
+#define TWO_TO_ABOVE(lanes) (lanes).s23456789abcdefff
+#elif LANES == 8
 #define LAST s7
 #define LAST_BUT_ONE s6
 #define TO_BELOW(lanes) (lanes).s00123456
@@ -64,7 +71,33 @@
 /* Lane k of vector i and lane i of vector k change places: a round of shuffles for each doubling of the lanes. */
 static inline __attribute__((always_inline)) void transpose(number *vectors)
 {
-#if LANES == 8
+#if LANES == 16
+    number pairs[16], fours[16], eights[16];
+    __attribute__((opencl_unroll_hint(8))) for (int i = 0; i < 16; i += 2) {
+        const number a = vectors[i], b = vectors[i + 1];
+        pairs[i] = (number)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5,
+                            a.s8, b.s8, a.s9, b.s9, a.sc, b.sc, a.sd, b.sd);
+        pairs[i + 1] = (number)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7,
+                                a.sa, b.sa, a.sb, b.sb, a.se, b.se, a.sf, b.sf);
+    }
+    __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 16; i += 4) {
+        const number a = pairs[i], b = pairs[i + 1], c = pairs[i + 2], d = pairs[i + 3];
+        fours[i] = (number)(a.s01, c.s01, a.s45, c.s45, a.s89, c.s89, a.scd, c.scd);
+        fours[i + 1] = (number)(a.s23, c.s23, a.s67, c.s67, a.sab, c.sab, a.sef, c.sef);
+        fours[i + 2] = (number)(b.s01, d.s01, b.s45, d.s45, b.s89, d.s89, b.scd, d.scd);
+        fours[i + 3] = (number)(b.s23, d.s23, b.s67, d.s67, b.sab, d.sab, b.sef, d.sef);
+    }
+    __attribute__((opencl_unroll_hint(2))) for (int i = 0; i < 16; i += 8)
+        __attribute__((opencl_unroll_hint(4))) for (int k = i; k < i + 4; ++k) {
+            const number a = fours[k], b = fours[k + 4];
+            eights[k] = (number)(a.s0123, b.s0123, a.s89ab, b.s89ab);
+            eights[k + 4] = (number)(a.s4567, b.s4567, a.scdef, b.scdef);
+        }
+    __attribute__((opencl_unroll_hint(8))) for (int i = 0; i < 8; ++i) {
+        vectors[i] = (number)(eights[i].lo, eights[i + 8].lo);
+        vectors[i + 8] = (number)(eights[i].hi, eights[i + 8].hi);
+    }
+#elif LANES == 8
     number pairs[8], fours[8];
     __attribute__((opencl_unroll_hint(4))) for (int i = 0; i < 8; i += 2) {
         const number a = vectors[i], b = vectors[i + 1];

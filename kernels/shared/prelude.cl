@@ -2,8 +2,8 @@
  * of cells. The structure parameter_set follows, see persfs_cl/_cl/parameters.py, and then what kernels/README.md says.
  *
  * USE_DOUBLE  0 or 1: the real type.
- * LANES       1, 2, 4 or 8: how many cells a work-item updates at once. `number` is a real for each lane, `integer` an
- *             integer of the same width. At most as many as a vector register holds: see registers.cl.
+ * LANES       1, 2, 4, 8 or 16: how many cells a work-item updates at once. `number` is a real for each lane, `integer`
+ *             an integer of the same width. At most as many as a vector register holds: see registers.cl.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
  * ONLY_LOWER  0 or 1: whether values only fall; 0 for the correction to second order, and what is accelerated.
  * LIMITS      0, 1 or 2: how many bounds values have; none, one from below, or one from below and one from above, which
@@ -69,7 +69,13 @@ typedef number unaligned __attribute__((aligned(sizeof(real))));
 #endif
 
 /* The elements 0, `apart`, 2 apart, ... of `from`, one for each lane; convert_ would be a function call. */
-#if LANES == 8
+#if LANES == 16
+#define GATHER(wide, from, apart)                                                                                      \
+    ((wide)((from)[0], (from)[apart], (from)[2 * (apart)], (from)[3 * (apart)], (from)[4 * (apart)],                   \
+            (from)[5 * (apart)], (from)[6 * (apart)], (from)[7 * (apart)], (from)[8 * (apart)], (from)[9 * (apart)],   \
+            (from)[10 * (apart)], (from)[11 * (apart)], (from)[12 * (apart)], (from)[13 * (apart)],                    \
+            (from)[14 * (apart)], (from)[15 * (apart)]))
+#elif LANES == 8
 #define GATHER(wide, from, apart)                                                                                      \
     ((wide)((from)[0], (from)[apart], (from)[2 * (apart)], (from)[3 * (apart)], (from)[4 * (apart)],                   \
             (from)[5 * (apart)], (from)[6 * (apart)], (from)[7 * (apart)]))
@@ -126,7 +132,10 @@ static inline number contracted(const number a, const number b, const number c)
 
 static inline number root(const number a)
 {
-#if LANES == 8 && BUILTINS
+#if LANES == 16 && BUILTINS
+    return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3), ROOT(a.s4), ROOT(a.s5), ROOT(a.s6), ROOT(a.s7),
+                    ROOT(a.s8), ROOT(a.s9), ROOT(a.sa), ROOT(a.sb), ROOT(a.sc), ROOT(a.sd), ROOT(a.se), ROOT(a.sf));
+#elif LANES == 8 && BUILTINS
     return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3), ROOT(a.s4), ROOT(a.s5), ROOT(a.s6), ROOT(a.s7));
 #elif LANES == 4 && BUILTINS
     return (number)(ROOT(a.s0), ROOT(a.s1), ROOT(a.s2), ROOT(a.s3));
@@ -165,7 +174,11 @@ static inline number darkness(const number brightness)
 static inline int any_sign(const integer bits)
 {
 #if LANES > 1
-#if LANES == 8
+#if LANES == 16
+    const JOIN(INTEGER, 8) eight = bits.lo | bits.hi;
+    const JOIN(INTEGER, 4) four = eight.lo | eight.hi;
+    const JOIN(INTEGER, 2) two = four.lo | four.hi;
+#elif LANES == 8
     const JOIN(INTEGER, 4) four = bits.lo | bits.hi;
     const JOIN(INTEGER, 2) two = four.lo | four.hi;
 #elif LANES == 4

@@ -24,6 +24,10 @@ def aligned(size: int) -> NDArray[np.uint8]:
     return room[begin : begin + size]
 
 
+_VECTOR = 16
+"""Cells of the widest vectors."""
+
+
 @dataclass(frozen=True)
 class Layout:
     """Place of a (height, width) image within its stored array of (rows, stride).
@@ -53,7 +57,7 @@ class Layout:
         """Rows and columns in their order, with so many more on every side."""
         height, width = shape
         # Rows of whole vectors, so that the stored size is one too.
-        stride = -(-(width + 2 * columns) // 8) * 8
+        stride = -(-(width + 2 * columns) // _VECTOR) * _VECTOR
         return cls(height, width, height + 2 * rows, stride, rows, columns)
 
     @classmethod

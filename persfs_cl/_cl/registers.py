@@ -13,6 +13,8 @@ LANES = (1, 2, 4, 8)
 """Cells that a work-item may update at once: see kernels/shared/prelude.cl."""
 WIDEST = max(LANES)
 """Wider vectors divide and take square roots no faster."""
+WIDEST_OF_PRODUCTS = 16
+"""Of kernels that multiply and add much more than that."""
 
 
 def register_bits(device: Device) -> int:
@@ -32,8 +34,8 @@ def register_bits(device: Device) -> int:
         return device.register_bits
 
 
-def lanes(device: Device, precision: str) -> int:
-    """Cells that a work-item may update at once: as many as a vector register holds, or 1.
+def lanes(device: Device, precision: str, most: int = WIDEST) -> int:
+    """Cells that a work-item may update at once: as many as a vector register holds, up to `most`, or 1.
 
     Wide vectors are only for compilers that say what registers they have. Others get the kernels of GPUs, with one cell
     a work-item, which every compiler takes.
@@ -45,7 +47,7 @@ def lanes(device: Device, precision: str) -> int:
     KernelBuildError
         When it compiles nothing.
     """
-    return max(1, min(WIDEST, register_bits(device) // (8 * device.real(precision).itemsize)))
+    return max(1, min(most, register_bits(device) // (8 * device.real(precision).itemsize)))
 
 
 def _asked(device: Device) -> int:

@@ -100,7 +100,7 @@ class Sweeper:
         shapes = [image.log_depth.shape for image in images]
         height, width = (max(lengths) for lengths in zip(*shapes, strict=True))
         if isinstance(ordering, str):
-            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower)
+            setup = Setup(device, precision, (height, width), self.count, second_order, only_lower, images[0].settles)
             ordering = ordering_for(ordering, setup)
         has_boundary = any(len(image.cells) for image in images)
         self._limits = constants_of(images, may_rise=not only_lower)

@@ -12,10 +12,10 @@ from persfs_cl._cl.cache import cache_folders
 from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.checkerboard import Checkerboard
 from persfs_cl._cl.orderings.checkerboard_bands import CheckerboardBands
+from persfs_cl._cl.orderings.choices import lanes_of_strips
 from persfs_cl._cl.orderings.ordering import Ordering, Setup
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
-from persfs_cl._cl.registers import lanes
 from persfs_cl.bench import fresh
 from persfs_cl.bench.accuracy import accuracy, ambiguity, lamp, noise, reflectance
 from persfs_cl.bench.alternatives import weno
@@ -100,8 +100,9 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
         problem = smooth_problem(size, scheme)
         # By what they come to: the one chosen is among the candidates, and a small image has use for few groups.
         workloads: dict[str, Workload] = {}
-        for ordering, candidates in _candidates(plan, size).items():
-            chosen = ordering_for(ordering, Setup(plan.device, plan.precision, (size, size), 1))
+        setup = Setup(plan.device, plan.precision, (size, size), 1, settles=problem.scheme.settles)
+        for ordering, candidates in _candidates(plan, setup).items():
+            chosen = ordering_for(ordering, setup)
             for candidate in (chosen, *candidates):
                 sweeps = sweeper(plan.device, problem, candidate, plan.precision)
                 workload = iterations("", sweeps, problem)
@@ -110,16 +111,16 @@ def tunings(plan: Plan) -> Iterator[list[Record]]:
         yield measured(plan, "tunings", size, plan.precision, workloads.values())
 
 
-def _candidates(plan: Plan, size: int) -> dict[str, list[Ordering]]:
+def _candidates(plan: Plan, setup: Setup) -> dict[str, list[Ordering]]:
     """By name, the orderings asked for that it may have on the device."""
-    wide = lanes(plan.device, plan.precision)
+    wide = lanes_of_strips(setup)
     # Few groups of one item suit processors, which run it at full speed.
     groups = plan.groups() if wide > 1 else ()
     strips = product(plan.strip_rows, groups)
-    bands = product(plan.widths(), plan.heights(size), groups)
+    bands = product(plan.widths(), plan.heights(setup.shape[1]), groups)
     candidates: dict[str, list[Ordering]] = {
         "wavefront": [
-            *(WavefrontStrips(wide, vectors=rows // wide, work_groups=count) for rows, count in strips),
+            *(WavefrontStrips(wide, vectors=rows // wide, work_groups=count) for rows, count in strips if rows >= wide),
             *(WavefrontTiles(tile=tile) for tile in plan.tiles),
         ],
         "checkerboard": [

@@ -14,7 +14,7 @@ from persfs_cl._cl.orderings.three_colours import ThreeColours
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
-from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.registers import WIDEST, WIDEST_OF_PRODUCTS, lanes
 from persfs_cl.blocks import usable_cores
 
 _BAND_PIXELS = 4096
@@ -27,7 +27,7 @@ _SMALL_PIXELS = 2**16
 
 def wavefront(setup: Setup) -> Ordering:
     """Strips, whole images or tiles."""
-    wide, groups, pixels = _resources(setup)
+    wide, (groups, pixels) = lanes_of_strips(setup), _resources(setup)
     if wide == 1:
         return WavefrontTiles.of(setup)
     kind: type[Strips] = WavefrontStrips
@@ -41,7 +41,7 @@ def checkerboard(setup: Setup) -> Ordering:
     """Bands or single colours; at second order a third colour."""
     if setup.second_order:
         return ThreeColours.of(setup)
-    wide, groups, pixels = _resources(setup)
+    wide, (groups, pixels) = lanes(setup.device, setup.precision), _resources(setup)
     if wide == 1:
         return Checkerboard.of(setup)
     if pixels <= _SMALL_PIXELS:
@@ -50,8 +50,13 @@ def checkerboard(setup: Setup) -> Ordering:
     return CheckerboardBands(wide, band_rows=rows, work_groups=groups, only_lower=setup.only_lower)
 
 
-def _resources(setup: Setup) -> tuple[int, int, int]:
-    """Cells of a vector, work-groups that have a processor each, and pixels of an image."""
-    wide = lanes(setup.device, setup.precision)
+def lanes_of_strips(setup: Setup) -> int:
+    """Cells of a vector of strips and whole images."""
+    # What settles, the upwind scheme, multiplies and adds far more than it divides.
+    return lanes(setup.device, setup.precision, WIDEST_OF_PRODUCTS if setup.settles else WIDEST)
+
+
+def _resources(setup: Setup) -> tuple[int, int]:
+    """Work-groups that have a processor each, and pixels of an image."""
     # A group that waits keeps its processor: more groups than processors would only be in each other's way.
-    return wide, min(setup.device.compute_units, usable_cores()), setup.shape[0] * setup.shape[1]
+    return min(setup.device.compute_units, usable_cores()), setup.shape[0] * setup.shape[1]

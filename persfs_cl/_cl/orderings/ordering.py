@@ -37,6 +37,8 @@ class Setup:
     images : int
     second_order, only_lower : bool
         See :class:`Ordering`.
+    settles : bool
+        See :class:`persfs_cl._cl.image.Image`.
     """
 
     device: Device
@@ -45,6 +47,7 @@ class Setup:
     images: int
     second_order: bool = False
     only_lower: bool = True
+    settles: bool = False
 
 
 @dataclass(frozen=True)
