@@ -5,7 +5,9 @@
  * vector is computed whole, and the cells of one colour are taken from it: values go from one array to another, so that
  * nobody reads what somebody else writes.
  */
-#if LANES == 8
+#if LANES == 16
+#define LANE_NUMBERS ((integer)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#elif LANES == 8
 #define LANE_NUMBERS ((integer)(0, 1, 2, 3, 4, 5, 6, 7))
 #elif LANES == 4
 #define LANE_NUMBERS ((integer)(0, 1, 2, 3))

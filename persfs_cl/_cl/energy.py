@@ -19,7 +19,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.kernel import kernel, row_group
 from persfs_cl._cl.parameters import records
-from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.registers import SUFFICIENT, lanes
 from persfs_cl.masks import LACKING
 
 _PAD = 2
@@ -158,7 +158,7 @@ class Descent:
         self._device, self._real = device, device.real(precision)
         height, width = terms.flags.shape
         self._grids = _grids(_Grid(width, height))
-        wide = lanes(device, precision)
+        wide = lanes(device, precision, SUFFICIENT)
         # A vector wants a whole row, lest groups be too small to pay.
         self._items = 1 if wide > 1 else row_group(device)
         definitions = {

@@ -9,12 +9,11 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.kernel import kernel
 
-LANES = (1, 2, 4, 8)
+LANES = (1, 2, 4, 8, 16)
 """Cells that a work-item may update at once: see kernels/shared/prelude.cl."""
 WIDEST = max(LANES)
-"""Wider vectors divide and take square roots no faster."""
-WIDEST_OF_PRODUCTS = 16
-"""Of kernels that multiply and add much more than that."""
+SUFFICIENT = 8
+"""Where a vector waits for the one before, or for memory: wider ones are no faster."""
 
 
 def register_bits(device: Device) -> int:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 from rich.console import Console
 
-from persfs_cl._cl.registers import LANES, WIDEST
+from persfs_cl._cl.registers import LANES, SUFFICIENT
 from persfs_cl._cl.registers import lanes as lanes_of
 from persfs_cl._cl.selection import select_device
 from persfs_cl.bench.endoscopy import EXPERIMENT, FRAME, MASK, POINTS
@@ -111,7 +111,7 @@ def bench(
         str | None,
         typer.Option(
             metavar="N,...",
-            help=f"Heights of a strip of the wavefront, multiples of {WIDEST}; {_listed(Plan.strip_rows)} unless"
+            help=f"Heights of a strip of the wavefront, multiples of {SUFFICIENT}; {_listed(Plan.strip_rows)} unless"
             " given.",
             rich_help_panel=_TUNINGS,
         ),
@@ -138,7 +138,7 @@ def bench(
         typer.Option(
             metavar="N,...",
             help=f"Widths of the vectors of the checkerboard, of {_listed(LANES)}; all that the device's"
-            " compiler has registers for unless given. Those of the wavefront's strips are the widest.",
+            " compiler has registers for unless given.",
             rich_help_panel=_TUNINGS,
         ),
     ] = None,
@@ -178,7 +178,7 @@ def bench(
         precision=precision,
         repeats=repeats or (_QUICK_REPEATS if quick else Plan.repeats),
         least_seconds=_QUICK_SECONDS if quick else Plan.least_seconds,
-        strip_rows=_numbers("--strip-rows", strip_rows, least=WIDEST, multiple=WIDEST) or Plan.strip_rows,
+        strip_rows=_numbers("--strip-rows", strip_rows, least=SUFFICIENT, multiple=SUFFICIENT) or Plan.strip_rows,
         tiles=_tiles("--tiles", tiles, most_rows=chosen.largest_group) or Plan.tiles,
         band_rows=_numbers("--band-rows", band_rows, least=1),
         lanes=_numbers("--lanes", lanes, choices=[width for width in LANES if width <= lanes_of(chosen, precision)]),

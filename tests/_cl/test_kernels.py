@@ -284,12 +284,13 @@ NARROW_STRIPS: list[Strips] = [
     WavefrontImages(2, vectors=1, work_groups=2),
     WavefrontImages(4, vectors=3, work_groups=2),
 ]
-# What those with wider ones get for the upwind scheme.
+NARROW_BANDS = [CheckerboardBands(lanes, band_rows=3, work_groups=2) for lanes in (2, 4)]
+# What those with wider ones get, strips for the upwind scheme.
 WIDE_STRIPS: list[Strips] = [
     WavefrontStrips(16, vectors=1, work_groups=2),
     WavefrontImages(16, vectors=3, work_groups=3),
 ]
-NARROW_BANDS = [CheckerboardBands(lanes, band_rows=3, work_groups=2) for lanes in (2, 4)]
+WIDE_BANDS = CheckerboardBands(16, band_rows=3, work_groups=2)
 TILES, CHECKERBOARD, LEXICOGRAPHIC = WavefrontTiles(), Checkerboard(), Lexicographic()
 
 
@@ -316,6 +317,8 @@ IN_ONE_PRECISION: dict[Ordering, str] = {
     Checkerboard(8): "float32",
     BANDS[0]: "float32",
     BANDS[3]: "float32",
+    Checkerboard(16): "",
+    WIDE_BANDS: "float32",
     NARROW_BANDS[0]: "float32",
     NARROW_BANDS[1]: "",
 }
@@ -427,7 +430,7 @@ def rests_quickly(parameters: Mapping[str, Any]) -> bool:
 
 
 # Parts as small as an image of a test has several of.
-THAT_REST = [STRIPS[1, 2], WIDE_STRIPS[0], IMAGES[1, 1], BANDS[1], Checkerboard(group=8)]
+THAT_REST = [STRIPS[1, 2], WIDE_STRIPS[0], IMAGES[1, 1], BANDS[1], WIDE_BANDS, Checkerboard(group=8)]
 
 
 @pytest.mark.quick_where(holds=rests_quickly)
@@ -581,7 +584,7 @@ SHAPES = dict(enumerate([(1, 2), (2, 1), (3, 3), (8, 16), (17, 31), (40, 45), (3
 @pytest.mark.parametrize(
     "seeds", [(0, 3, 4, 7), pytest.param((1, 2, 5, 6), marks=thorough)], ids=["shapes", "other shapes"]
 )
-@pytest.mark.parametrize("ordering", [*(Checkerboard(lanes) for lanes in (2, 4, 8)), *BANDS, *NARROW_BANDS], ids=str)
+@pytest.mark.parametrize("ordering", [*map(Checkerboard, (2, 4, 8, 16)), *BANDS, *NARROW_BANDS, WIDE_BANDS], ids=str)
 def test_checkerboard_is_the_same_by_cells_by_vectors_and_by_bands(
     device: Device, precision: str, ordering: Ordering, seeds: tuple[int, ...]
 ) -> None:

@@ -47,11 +47,13 @@ assert (sweeper.run(2)[0] > 0.0).all()
 """
 ORDERINGS = {
     "strips": "WavefrontStrips(8, vectors=1)",
+    "wide strips": "WavefrontStrips(16, vectors=1)",
     "strips, second order": "WavefrontStrips(4, vectors=3, second_order=True)",
     "images": "WavefrontImages(8, vectors=1, work_groups=2)",
     "tiles": "WavefrontTiles(tile=(8, 16))",
     "tiles, second order": "WavefrontTiles(tile=(8, 16), second_order=True)",
     "bands": "CheckerboardBands(8, band_rows=3)",
+    "wide bands": "CheckerboardBands(16, band_rows=3)",
     "checkerboard": "Checkerboard(group=8)",
     "three colours": "ThreeColours(group=8, second_order=True)",
 }

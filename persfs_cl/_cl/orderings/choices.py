@@ -14,7 +14,7 @@ from persfs_cl._cl.orderings.three_colours import ThreeColours
 from persfs_cl._cl.orderings.wavefront_images import WavefrontImages
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
 from persfs_cl._cl.orderings.wavefront_tiles import WavefrontTiles
-from persfs_cl._cl.registers import WIDEST, WIDEST_OF_PRODUCTS, lanes
+from persfs_cl._cl.registers import SUFFICIENT, WIDEST, lanes
 from persfs_cl.blocks import usable_cores
 
 _BAND_PIXELS = 4096
@@ -52,8 +52,9 @@ def checkerboard(setup: Setup) -> Ordering:
 
 def lanes_of_strips(setup: Setup) -> int:
     """Cells of a vector of strips and whole images."""
-    # What settles, the upwind scheme, multiplies and adds far more than it divides.
-    return lanes(setup.device, setup.precision, WIDEST_OF_PRODUCTS if setup.settles else WIDEST)
+    # From one vector to the next Lax-Friedrichs waits for a root and a quotient. What settles, the upwind scheme, has
+    # so much else to compute that they do not matter.
+    return lanes(setup.device, setup.precision, WIDEST if setup.settles else SUFFICIENT)
 
 
 def _resources(setup: Setup) -> tuple[int, int]:
