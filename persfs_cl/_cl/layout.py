@@ -95,29 +95,46 @@ class Layout:
 
         Images of fewer rows or columns have more padding after them.
         """
-        stored = aligned(len(images) * self.size * kind.itemsize).view(kind).reshape(-1, self.rows, self.stride)
-        stored[:, : self.first_row] = fill
-        for image, (height, width), lines in zip(images, shapes, stored[:, self.first_row :], strict=True):
-            lines[height:] = fill
+        (stored,) = self.store_copies(1, images, fill, kind, shapes)
+        return stored
+
+    def store_copies(
+        self,
+        copies: int,
+        images: Sequence[Callable[[slice], NDArray[Any]]],
+        fill: float,
+        kind: np.dtype[Any],
+        shapes: Sequence[tuple[int, ...]],
+    ) -> list[NDArray[Any]]:
+        """The same as several arrays, each of which is written while the rows are in the cache."""
+        size = len(images) * self.size * kind.itemsize
+        stored = [aligned(size).view(kind).reshape(-1, self.rows, self.stride) for _ in range(copies)]
+        for number, (image, (height, width)) in enumerate(zip(images, shapes, strict=True)):
+            lines = [each[number, self.first_row :] for each in stored]
+            for each, below in zip(stored, lines, strict=True):
+                each[number, : self.first_row] = fill
+                below[height:] = fill
             in_row_blocks(partial(self._store, image, lines, width, fill), (height, width))
         return stored
 
     def _store(
         self,
         image: Callable[[slice], NDArray[Any]],
-        lines: NDArray[Any],
+        lines: Sequence[NDArray[Any]],
         width: int,
         fill: float,
         rows: slice,
     ) -> None:
         """Some rows of an image."""
-        block, stored, end = image(rows), lines[rows], 0
+        block, stored, end = image(rows), lines[0][rows], 0
         for begin, columns in self._parts(width):
             part = block[:, columns]
             stored[:, end:begin] = fill
             end = begin + part.shape[1]
             stored[:, begin:end] = part
         stored[:, end:] = fill
+        for other in lines[1:]:
+            other[rows] = stored
 
     def take(self, stored: NDArray[Any], image: NDArray[Any]) -> None:
         """Copy what `store` has stored into an image."""

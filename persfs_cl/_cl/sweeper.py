@@ -17,7 +17,7 @@ from persfs_cl._cl.device import Device
 from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.kernel import in_row_groups, kernel, row_group
-from persfs_cl._cl.layout import Layout, aligned
+from persfs_cl._cl.layout import Layout
 from persfs_cl._cl.limits import constants_of, stored_limits
 from persfs_cl._cl.orderings import ordering_for
 from persfs_cl._cl.orderings.ordering import ALL_ITERATIONS, Ordering, Setup
@@ -110,7 +110,6 @@ class Sweeper:
         self._layout = ordering.layout((height, width))
         self._tolerance = _rounded_down(tolerance)
         self._rested = np.zeros(self.count, bool)
-        self._begun = False
         self._changes = np.zeros((1, self.count), np.float32)
         self.kernel_seconds = 0.0
         with in_words(device):
@@ -132,7 +131,9 @@ class Sweeper:
         """What kernels may take as arguments, by name."""
         device, layout, real = self._device, self._layout, self._real
         shapes = [image.log_depth.shape for image in images]
-        stored = layout.store([image.log_depth.__getitem__ for image in images], images[0].outside or 0.0, real, shapes)
+        # The values before an iteration too: a device's own copy would come later, and from one thread on a processor.
+        begin = [image.log_depth.__getitem__ for image in images]
+        stored, before = layout.store_copies(2, begin, images[0].outside or 0.0, real, shapes)
         brightness = layout.store([image.marked_brightness for image in images], np.nan, real, shapes)
         flags = layout.store([image.flags.__getitem__ for image in images], 0, np.dtype(np.uint8), shapes)
         reversed_too = self.ordering.vectors_down
@@ -140,8 +141,7 @@ class Sweeper:
         rows = np.stack([layout.row_table(image.y_axis) for image in images])
         values = {
             "log_depth": upload(device, stored),
-            # NumPy asks the system for large pages, as drivers do not: to touch each page first is dear.
-            "previous": upload(device, aligned(stored.nbytes)),
+            "previous": upload(device, before),
             "brightness": upload(device, brightness),
             "flags": upload(device, flags),
             "limits": upload(device, stored_limits(images, layout, real, self._limits.get("LIMITS", 0))),
@@ -350,10 +350,6 @@ class Sweeper:
     def _begin(self, iterations: int) -> None:
         """Clear the record of changes; its row 0 says which images rest."""
         values, queue = self._run.values, self._device.queue
-        if not self._begun:
-            # Not before there is something to wait for it: the values may lie in memory that an error would free.
-            cl.enqueue_copy(queue, values["previous"], values["log_depth"])
-            self._begun = True
         changes = np.zeros((iterations + 1, self.count), np.float32)
         changes[0] = np.where(self._rested, -1.0, np.inf)
         if changes.shape != self._changes.shape:

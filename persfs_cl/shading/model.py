@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.choices import Boundary, Precision
 from persfs_cl.grid import PixelGrid
 from persfs_cl.shading.equations import Equation
@@ -35,18 +35,23 @@ class Extremes:
     @classmethod
     def of(cls, image: Array, solved: Mask) -> Extremes:
         """Those of an image of which one pixel is to be solved at least; the others may hold anything."""
-        darkest, brightest = np.inf, -np.inf
-        for rows in row_blocks(solved.shape):
+        found = [(np.inf, -np.inf)]
+
+        def look(rows: slice) -> None:
             block, here = image[rows], solved[rows]
             if not (everything := here.all()) and not here.any():
-                continue
+                return
             low, high = block.min(), block.max()
-            # Where none of the others is beyond those of before these need not be told apart, which takes longer.
+            # Of this thread and others. Where no pixel is beyond these, which of them are to be solved is no matter.
+            darkest, brightest = found[-1]
             if not everything and not (low >= darkest and high <= brightest):
                 used = block[here]
                 low, high = used.min(), used.max()
-            darkest, brightest = np.minimum(darkest, low), np.maximum(brightest, high)
-        return cls(float(darkest), float(brightest))
+            found.append((np.minimum(darkest, low), np.maximum(brightest, high)))
+
+        in_row_blocks(look, solved.shape)
+        lows, highs = zip(*found, strict=True)
+        return cls(float(np.min(lows)), float(np.max(highs)))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from persfs_cl import masks
 from persfs_cl.arrays import Array, Mask
-from persfs_cl.blocks import in_row_blocks, row_blocks
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.camera import Camera, require_camera
 from persfs_cl.checks import as_mask
 from persfs_cl.choices import Precision
@@ -369,9 +369,12 @@ def _window(wanted: Mask, known: Mask, model: Model, *, assumed: bool, walled: b
 
 def _beside(solved: Mask, known: Mask) -> Mask:
     """Which known pixels, in the order of the image, have a neighbour that is solved."""
-    found = [np.zeros(0, bool)]
-    for rows in row_blocks(known.shape):
+    found = {0: np.zeros(0, bool)}
+
+    def look(rows: slice) -> None:
         here = known[rows]
         if here.any():
-            found.append(masks.Neighbours.of(solved, rows).any[here])
-    return np.concatenate(found)
+            found[rows.start] = masks.Neighbours.of(solved, rows).any[here]
+
+    in_row_blocks(look, known.shape)
+    return np.concatenate([found[begin] for begin in sorted(found)])

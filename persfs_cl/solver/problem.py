@@ -101,14 +101,22 @@ class Problem(Given):
     def start(self) -> Array:
         """First values of W, less `level`, in an array of their own."""
         known = self.domain.known
-        if self.first is None:
+        first = None if self.first is None else np.broadcast_to(self.first, known.shape)
+        if first is None:
             start = self.model.first(self.shading, self.domain.solved, self.grid, self.level)
         else:
-            start = np.full(known.shape, self.first)
+            start = np.empty(known.shape)
+        outside = self.scheme.outside
+
+        def begin(rows: slice) -> None:
+            if first is not None:
+                start[rows] = first[rows]
+            if outside is not None:
+                # What is not there must not look like a low neighbour.
+                np.copyto(start[rows], outside, where=~(known[rows] | self.domain.solved[rows]))
+
+        in_row_blocks(begin, start.shape)
         start[known] = self.known_values - self.level
-        if self.scheme.outside is not None:
-            # What is not there must not look like a low neighbour.
-            start[~(known | self.domain.solved)] = self.scheme.outside
         if self.limits is not None:
             lower, upper = self.limits
             np.fmin(start, upper, out=start)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from persfs_cl._cl.device import Device
 from persfs_cl.arrays import Array, Mask
+from persfs_cl.blocks import in_row_blocks
 from persfs_cl.checks import FARTHEST, NEAREST, warn
 from persfs_cl.solver.attempt import Attempt, swept
 from persfs_cl.solver.energy.attempt import minimised
@@ -87,8 +88,9 @@ def finish(device: Device, attempted: Attempt, options: Options) -> Finished:
     began = time.perf_counter()
     problem, run, status = attempted.problem, attempted.run, attempted.status
     surface = attempted.surface or run.surfaces([problem])[0]
-    remarks = (_too_near(problem, surface[1]), _lost(problem, surface[1]) if status is Status.CONVERGED else None)
+    too_near = _too_near(problem, surface[1])
     whole = _Whole.of(problem, surface)
+    remarks = (too_near, _lost(problem, whole.lost) if status is Status.CONVERGED else None)
     total = attempted.seconds + time.perf_counter() - began
     solution = Solution(
         depth=whole.depth,
@@ -131,7 +133,7 @@ def told(finished: Sequence[Finished], numbers: Sequence[int]) -> list[Solution]
 
 @dataclass(frozen=True)
 class _Whole:
-    """Arrays of the shape of the image."""
+    """Arrays of the shape of the image; and how many pixels were solved, but have no depth."""
 
     depth: Array
     log_depth: Array
@@ -141,14 +143,23 @@ class _Whole:
     at_bound: Mask
     walls: Mask | None
     discontinuities: Discontinuities | None
+    lost: int
 
     @classmethod
     def of(cls, problem: Problem, surface: LogDepthAndDepth) -> _Whole:
         """From those of the window, and what is known around it."""
         window, domain, (log_depth, depth) = problem.window, problem.domain, surface
         discontinuities = problem.continue_onto_walls(log_depth, depth)
-        solved = np.isfinite(depth)
-        unreached = (domain.solved | domain.unreached) & ~solved
+        solved, unreached = np.empty(depth.shape, bool), np.empty(depth.shape, bool)
+        lost: list[int] = []
+
+        def classify(rows: slice) -> None:
+            np.isfinite(depth[rows], out=solved[rows])
+            missing = domain.solved[rows] & ~solved[rows]
+            lost.append(int(np.count_nonzero(missing)))
+            np.logical_and(missing | domain.unreached[rows], ~solved[rows], out=unreached[rows])
+
+        in_row_blocks(classify, depth.shape)
         clamped = problem.degenerate & solved
         whole = cls(
             depth=window.spread(depth, np.nan),
@@ -159,6 +170,7 @@ class _Whole:
             at_bound=np.zeros(window.image_shape, bool),
             walls=None if problem.walls is None else window.spread(problem.walls, False),
             discontinuities=None if discontinuities is None else _spread(discontinuities, window),
+            lost=sum(lost),
         )
         if beyond := problem.known_beyond:
             np.copyto(whole.depth, beyond.depth, where=beyond.known)
@@ -195,8 +207,8 @@ def _too_near(problem: Problem, depth: Array) -> str | None:
     return None
 
 
-def _lost(problem: Problem, depth: Array) -> str | None:
-    if count := int(np.count_nonzero(problem.domain.solved & np.isnan(depth))):
+def _lost(problem: Problem, count: int) -> str | None:
+    if count:
         bound = keyword("max_slope", problem.max_slope, written=f"{problem.max_slope:g}")
         return (
             f"{count} pixels come out nearer than {NEAREST:g} or farther than {FARTHEST:g}, and have no depth: they, "
