@@ -25,8 +25,10 @@ adds to the one below it, as Linux calls it."""
 _BASE = "x86-64"
 _UNKNOWN = "generic"
 _POINTER = struct.Struct("@P")
-_RECORD = 4096
-"""Bytes of PoCL's record of a device that are searched: the names stand in its first kilobyte."""
+_RECORD = 8192
+"""Bytes of PoCL's record of a device that are searched."""
+_BEHIND = 6
+"""Texts behind the target's name that may be the processor's: before PoCL 5 the first, since then the fourth."""
 _LONGEST_NAME = 64
 
 
@@ -37,6 +39,9 @@ def name_processor(handle: cl.Device) -> str | None:
     compiles. No option or variable of the environment gives it another name. But each build reads it from the driver's
     record of the device, where it stands behind the target's name. There it is replaced by the x86-64 level that Linux
     and the driver agree on.
+
+    That is outside of what OpenCL promises, and so is done only where both names are found. If there is nothing to
+    replace, or it cannot be looked for, the driver stays as it is, and its own error says what does not compile.
 
     Parameters
     ----------
@@ -69,7 +74,7 @@ def name_processor(handle: cl.Device) -> str | None:
     finally:
         os.close(memory)
     if name != _UNKNOWN:
-        return name if name in (_BASE, *(level for level, _, _ in _LEVELS)) else None
+        return name
     level = level_of(_flags(), handle.native_vector_width_float)
     # PoCL may free it.
     ctypes.c_void_p.from_address(place).value = _copy_in_c(level)
@@ -112,15 +117,18 @@ def _flags() -> set[str]:
     return next((set(line.partition(":")[2].split()) for line in lines if line.startswith("flags")), set())
 
 
-def _name_in(read: Callable[[int, int], bytes], record: int) -> tuple[int, str]:
-    """Address of the pointer to the processor's name in a device's record, and that name; (0, "") where it has none."""
-    before = ""
+def _name_in(read: Callable[[int, int], bytes], record: int) -> tuple[int, str | None]:
+    """Where the record of a device has the address of the processor's name, and that name.
+
+    Only the name of an unknown one, or one that was given here; (0, None) where there is neither.
+    """
+    left = 0
     for place, address in _pointers(read(record, _RECORD), record):
         name = _text_at(read, address)
-        if before.startswith("x86_64-"):
+        if left and name in (_UNKNOWN, _BASE, *(level for level, _, _ in _LEVELS)):
             return place, name
-        before = name
-    return 0, ""
+        left = _BEHIND if name.startswith("x86_64-") else max(0, left - 1)
+    return 0, None
 
 
 def _pointers(record: bytes, begin: int) -> Iterator[tuple[int, int]]:

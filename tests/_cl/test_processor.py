@@ -28,8 +28,17 @@ on_x86_linux = pytest.mark.skipif(
 class Record:
     """A device as PoCL keeps it: numbers, and the addresses of texts, some of which are no addresses."""
 
-    def __init__(self, target: str, name: str, *, version: str = "OpenCL 3.0 PoCL 3.0", width: int = 8) -> None:
-        self.texts = [ctypes.create_string_buffer(text.encode()) for text in ("pthread", target, name, "later")]
+    def __init__(
+        self,
+        target: str,
+        name: str,
+        *between: str,
+        version: str = "OpenCL 3.0 PoCL 3.0",
+        width: int = 8,
+    ) -> None:
+        texts = ("pthread", target, *between, name, "later")
+        self.texts = [ctypes.create_string_buffer(text.encode()) for text in texts]
+        self.place = 2 + texts.index(name)
         words = [1, 2**63 + 5, *map(ctypes.addressof, self.texts), 0]
         self.words = (ctypes.c_uint64 * 1024)(*words)
         self.handle: Any = SimpleNamespace(
@@ -41,10 +50,11 @@ class Record:
 
     @property
     def name(self) -> str:
-        text = ctypes.string_at(self.words[4]).decode()
-        assert ctypes.string_at(self.words[3]).startswith((b"x86_64", b"aarch64"))
-        assert ctypes.string_at(self.words[5]) == b"later"
-        return text
+        found = [ctypes.string_at(self.words[place]).decode() for place in range(2, 2 + len(self.texts))]
+        assert [text for place, text in enumerate(found, 2) if place != self.place] == [
+            text.value.decode() for place, text in enumerate(self.texts, 2) if place != self.place
+        ], "nothing else was written"
+        return found[self.place - 2]
 
 
 @pytest.fixture(autouse=True)
@@ -58,6 +68,14 @@ def test_an_unknown_processor_is_named_by_its_level(width: int, level: str) -> N
     record = Record("x86_64-unknown-linux-gnu", "generic", width=width)
     assert name_processor(record.handle) == level
     assert record.name == level
+
+
+@on_x86_linux
+def test_other_texts_may_stand_between_target_and_processor() -> None:
+    """As since PoCL 5."""
+    between = "kernel-x86_64-pc-linux-gnu-generic", "fallback", "x86_64"
+    record = Record("x86_64-pc-linux-gnu", "generic", *between, version="OpenCL 3.0 PoCL 7.1")
+    assert name_processor(record.handle) == record.name == "x86-64-v3"
 
 
 @on_x86_linux
