@@ -26,7 +26,7 @@ _PACKAGES = (
 )
 
 
-def environment(device: Device, command: str) -> dict[str, Any]:
+def environment(device: Device, command: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Everything that a figure should name.
 
     Parameters
@@ -34,6 +34,9 @@ def environment(device: Device, command: str) -> dict[str, Any]:
     device : Device
     command : str
         What was typed.
+    facts : mapping, optional
+        What another process found out of the device, see :func:`persfs_cl._cl.selftest.facts`; without it the device is
+        asked here.
     """
     return {
         "command": command,
@@ -44,7 +47,7 @@ def environment(device: Device, command: str) -> dict[str, Any]:
             "platform": device.platform,
             "platform_version": device.platform_version,
             "driver_version": device.driver_version,
-            "compiles_for": device.processor,
+            "compiles_for": device.processor if facts is None else facts.get("compiles_for"),
             "compute_units": device.compute_units,
             "memory_bytes": device.memory,
         },

@@ -12,7 +12,7 @@ import pytest
 from persfs_cl import Camera, Device, FlashLight, Lambertian, OrenNayar, ParallelLight, Phong
 from persfs_cl._cl.orderings.ordering import Ordering
 from persfs_cl._cl.orderings.wavefront_strips import WavefrontStrips
-from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.registers import SUFFICIENT, WIDEST, lanes
 from persfs_cl._cl.sweeper import Sweeper
 from persfs_cl.choices import Boundary, Surface
 from persfs_cl.shading.model import Light
@@ -105,8 +105,13 @@ def random_problem(
 
 
 def fitted(ordering: Ordering, device: Device, precision: str) -> Ordering:
-    """The ordering with no wider vectors than the device takes, and as many of them a strip."""
+    """The ordering with no wider vectors than the device takes, and as many of them a strip.
+
+    Those of 16 are for registers that hold them, or would be what others are.
+    """
     wide = lanes(device, precision, ordering.lanes)
+    if ordering.lanes == WIDEST and precision == "float32" and 1 < wide < WIDEST:
+        pytest.skip(f"{device} has no registers for vectors of {WIDEST}")
     if ordering.lanes > 1 and wide == 1:
         pytest.skip(f"{device} takes no vectors")
     return replace(ordering, lanes=wide)
@@ -124,7 +129,8 @@ def sweeper(
     resting: float = 0.0,
 ) -> Sweeper:
     """The problem on a device, in a variant that can be stepped sweep by sweep."""
-    wide = lanes(device, precision)
+    widest = WIDEST if problem.scheme.settles else SUFFICIENT
+    wide = lanes(device, precision, widest)
     if isinstance(ordering, Ordering):
         ordering = fitted(ordering, device, precision)
     elif ordering == "wavefront" and wide > 1:

@@ -79,7 +79,7 @@ def test_neighbours_of_some_rows_are_those_of_all(seed: int, height: int, width:
 @pytest.mark.parametrize("light", [ps.ParallelLight(0.2, 0.1), ps.FlashLight()], ids=["parallel", "flash"])
 @pytest.mark.parametrize("scheme", ["lax-friedrichs", "upwind"])
 @pytest.mark.parametrize("ordering", ["wavefront", "checkerboard"])
-def test_the_size_of_blocks_does_not_matter(
+def test_neither_the_size_of_blocks_nor_the_number_of_threads_matters(
     light: ps.ParallelLight | ps.FlashLight,
     scheme: str,
     ordering: str,
@@ -105,9 +105,11 @@ def test_the_size_of_blocks_does_not_matter(
         )
 
     whole = solved()
-    monkeypatch.setattr(blocks, "_PIXELS", 5 * 17)
-    for name in ("depth", "log_depth", "solved", "unreached", "clamped"):
-        np.testing.assert_array_equal(getattr(solved(), name), getattr(whole, name), err_msg=name)
+    for rows, cores in ((5, 1), (1, 4)):
+        monkeypatch.setattr(blocks, "_PIXELS", rows * 17)
+        monkeypatch.setattr(blocks, "usable_cores", lambda: cores)  # noqa: B023  # used before it changes
+        for name in ("depth", "log_depth", "solved", "unreached", "clamped"):
+            np.testing.assert_array_equal(getattr(solved(), name), getattr(whole, name), err_msg=name)
 
 
 def test_a_process_uses_its_share_of_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:

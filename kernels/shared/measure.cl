@@ -1,8 +1,8 @@
 /* The largest change of an iteration, max |dZ|, see change.cl, as a launch of its own.
  *
  * A work-item takes its share of an image in vectors, and merges its largest change into `changes` by an atomic
- * maximum: the bits of floats that are not negative are in the order of the floats. The stored size is a multiple of
- * LANES. Global size (items, images).
+ * maximum: the bits of floats that are not negative are in the order of the floats. Of the stored cells those that
+ * fill no vector, at the end, are padding. Global size (items, images).
  */
 __kernel void measure(__global const real *log_depth, /* shape (images, size)                                      */
                       __global real *previous,        /* Z before the iteration; Z after it on return, same shape  */

@@ -2,8 +2,9 @@
  * of cells. The structure parameter_set follows, see persfs_cl/_cl/parameters.py, and then what kernels/README.md says.
  *
  * USE_DOUBLE  0 or 1: the real type.
- * LANES       1, 2, 4, 8 or 16: how many cells a work-item updates at once. `number` is a real for each lane, `integer`
- *             an integer of the same width. At most as many as a vector register holds: see registers.cl.
+ * LANES       1, 2, 4, 8 or 16, the last not in kernels/energy: how many cells a work-item updates at once. `number` is
+ *             a real for each lane, `integer` an integer of the same width. At most as many as a vector register holds:
+ *             see registers.cl.
  * REACH       1 or 2: how many neighbours a cell reads on every side; 2 for differences of second order.
  * ONLY_LOWER  0 or 1: whether values only fall; 0 for the correction to second order, and what is accelerated.
  * LIMITS      0, 1 or 2: how many bounds values have; none, one from below, or one from below and one from above, which

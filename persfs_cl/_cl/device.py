@@ -60,9 +60,6 @@ class Device:
         Work-items of a work-group at most.
     register_bits : int or None
         See :func:`persfs_cl._cl.registers.register_bits`; None before it is asked for.
-    processor : str or None
-        What the device's compiler was told that the processor is, see
-        :func:`persfs_cl._cl.processor.name_processor`; None where it knows by itself, and before there is a context.
 
     Examples
     --------
@@ -90,7 +87,7 @@ class Device:
         self.compute_units: int = handle.max_compute_units
         self.largest_group: int = handle.max_work_group_size
         self.register_bits: int | None = None
-        self.processor: str | None = None
+        self._processor: str | None = None
         self.programs: dict[object, cl.Program] = {}
         self.kernels: dict[object, Any] = {}
         self._context: cl.Context | None = None
@@ -103,9 +100,17 @@ class Device:
         if self._context is None:  # asked before the lock too, which another thread may hold for a whole run
             with self._lock, self._refusal("context"):
                 if self._context is None:
-                    self.processor = name_processor(self._handle)
+                    self._processor = name_processor(self._handle)
                     self._context = cl.Context([self._handle])
         return self._context
+
+    @property
+    def processor(self) -> str | None:
+        """What the device's compiler was told that the processor is; None where it knows by itself.
+
+        See :func:`persfs_cl._cl.processor.name_processor`.
+        """
+        return self._processor if self.context else None
 
     @property
     def queue(self) -> cl.CommandQueue:

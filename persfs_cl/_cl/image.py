@@ -31,7 +31,8 @@ class Image:
         Boundary cells by their flat indices, the two cells that each looks at inwards along x and along y, shape
         (cells, 4), and how many of them come first, as edges: see kernels/shared/boundary.cl.
     settles : bool
-        Whether most cells soon keep their value, so that it pays to keep account of which still change.
+        Whether most cells soon keep their value, as by the upwind scheme: it pays to keep account of which still
+        change. As they take much arithmetic, vectors are as wide as can be.
     outside : float or None
         The value of what lies around the image, for a scheme that only wants a missing neighbour to be high; None for
         one that treats cells apart which lack a neighbour.

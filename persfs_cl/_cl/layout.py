@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from persfs_cl._cl.registers import WIDEST
 from persfs_cl.blocks import in_row_blocks
 from persfs_cl.masks import NONE
 
@@ -22,10 +23,6 @@ def aligned(size: int) -> NDArray[np.uint8]:
     room = np.empty(size + ALIGNMENT, np.uint8)
     begin = -room.ctypes.data % ALIGNMENT
     return room[begin : begin + size]
-
-
-_VECTOR = 16
-"""Cells of the widest vectors."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,7 @@ class Layout:
         """Rows and columns in their order, with so many more on every side."""
         height, width = shape
         # Rows of whole vectors, so that the stored size is one too.
-        stride = -(-(width + 2 * columns) // _VECTOR) * _VECTOR
+        stride = -(-(width + 2 * columns) // WIDEST) * WIDEST
         return cls(height, width, height + 2 * rows, stride, rows, columns)
 
     @classmethod

@@ -20,7 +20,7 @@ from persfs_cl._cl.failures import in_words
 from persfs_cl._cl.image import Image
 from persfs_cl._cl.kernel import ROW_GROUP, in_row_groups, kernel, row_group
 from persfs_cl._cl.parameters import records
-from persfs_cl._cl.registers import lanes
+from persfs_cl._cl.registers import WIDEST, lanes
 from persfs_cl.masks import SWEPT
 
 NUMBERS_A_PIXEL = 12
@@ -68,8 +68,8 @@ _VECTORS = 8
 """Work-items of a work-group that take vectors: those of small levels are few."""
 _GROUP = 256
 """Work-items, at most, that share the small levels."""
-_BORDER = 16
-"""Stored columns before and behind a level, so that rows begin alike for vectors; a row above and below is enough."""
+_BORDER = WIDEST
+"""Stored columns before and behind a level, since a vector may reach past the end of a row. Of rows one is enough."""
 _STEEPNESS = 2.0
 """Slope with which the coarsest level begins."""
 

@@ -26,19 +26,22 @@ _BASE = "x86-64"
 _UNKNOWN = "generic"
 _POINTER = struct.Struct("@P")
 _RECORD = 8192
-"""Bytes of PoCL's record of a device that are searched."""
-_BEHIND = 6
-"""Texts behind the target's name that may be the processor's: before PoCL 5 the first, since then the fourth."""
+"""Bytes that are searched for the target's name: a record of a device is no larger."""
+_BEHIND = 4
+"""Texts behind the target's name up to the processor's: the first before PoCL 5, the second in Debian's PoCL 3.1, the
+fourth since PoCL 5."""
 _LONGEST_NAME = 64
+_named: dict[int, str] = {}
+"""What devices were told, by the addresses of their records."""
 
 
 def name_processor(handle: cl.Device) -> str | None:
     """Tell PoCL's compiler what the processor can do, if the compiler is older and does not know the processor.
 
     LLVM calls what it does not know "generic". PoCL hands the name on, and LLVM's own front end refuses it: nothing
-    compiles. No option or variable of the environment gives it another name. But each build reads it from the driver's
-    record of the device, where it stands behind the target's name. There it is replaced by the x86-64 level that Linux
-    and the driver agree on.
+    compiles. Before PoCL 5, which has POCL_LLVM_CPU_NAME, no option or variable gives it another name. But each build
+    reads it from the driver's record of the device, where it stands behind the target's name. There it is replaced by
+    the x86-64 level that Linux and the driver agree on.
 
     That is outside of what OpenCL promises, and so is done only where both names are found. If there is nothing to
     replace, or it cannot be looked for, the driver stays as it is, and its own error says what does not compile.
@@ -61,7 +64,11 @@ def name_processor(handle: cl.Device) -> str | None:
     >>> name_processor(ps.devices()[0].context.devices[0]) in (None, "x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64")
     True
     """
-    if sys.platform != "linux" or platform.machine() != "x86_64" or "PoCL" not in handle.platform.version:
+    if handle.int_ptr in _named:
+        return _named[handle.int_ptr]
+    # Of other kinds of devices the record says nothing of this processor.
+    on_it = sys.platform == "linux" and platform.machine() == "x86_64" and bool(handle.type & cl.device_type.CPU)
+    if not on_it or "PoCL" not in handle.platform.version:
         return None
     try:
         # Reading by this file is refused where an address is no memory; reading the address itself ends the process.
@@ -70,13 +77,13 @@ def name_processor(handle: cl.Device) -> str | None:
         _LOG.debug("%s: the name of its processor cannot be looked up: %s", handle.name, error)
         return None
     try:
-        place, name = _name_in(lambda address, size: _read(memory, address, size), handle.int_ptr)
+        place = _place_of_unknown(lambda address, size: _read(memory, address, size), handle.int_ptr)
     finally:
         os.close(memory)
-    if name != _UNKNOWN:
-        return name
-    level = level_of(_flags(), handle.native_vector_width_float)
-    # PoCL may free it.
+    if place is None:
+        return None
+    _named[handle.int_ptr] = level = level_of(_flags(), handle.native_vector_width_float)
+    # PoCL keeps the address, so that the copy is never freed.
     ctypes.c_void_p.from_address(place).value = _copy_in_c(level)
     _LOG.debug("%s: its compiler does not know the processor, and is told that it is %s", handle.name, level)
     return level
@@ -85,7 +92,7 @@ def name_processor(handle: cl.Device) -> str | None:
 def level_of(flags: set[str], width: int) -> str:
     """The highest level all of whose flags are there, and whose vectors are no wider than the driver says.
 
-    Emulators show the flags of the processor beneath them; the driver has asked the processor itself.
+    Emulators pass on the flags of the processor beneath them; the driver has asked the processor itself.
 
     Parameters
     ----------
@@ -117,18 +124,17 @@ def _flags() -> set[str]:
     return next((set(line.partition(":")[2].split()) for line in lines if line.startswith("flags")), set())
 
 
-def _name_in(read: Callable[[int, int], bytes], record: int) -> tuple[int, str | None]:
-    """Where the record of a device has the address of the processor's name, and that name.
-
-    Only the name of an unknown one, or one that was given here; (0, None) where there is neither.
-    """
+def _place_of_unknown(read: Callable[[int, int], bytes], record: int) -> int | None:
+    """Where the record of a device has the address of an unknown processor's name; None where the name is another."""
     left = 0
     for place, address in _pointers(read(record, _RECORD), record):
-        name = _text_at(read, address)
-        if left and name in (_UNKNOWN, _BASE, *(level for level, _, _ in _LEVELS)):
-            return place, name
-        left = _BEHIND if name.startswith("x86_64-") else max(0, left - 1)
-    return 0, None
+        text = _text_at(read, address)
+        if left and text == _UNKNOWN:
+            return place
+        if left == 1:
+            break  # beyond this the record of another device may begin
+        left = left - 1 if left else _BEHIND * text.startswith("x86_64-")
+    return None
 
 
 def _pointers(record: bytes, begin: int) -> Iterator[tuple[int, int]]:

@@ -12,6 +12,7 @@ from persfs_cl._cl.kernel import kernel
 LANES = (1, 2, 4, 8, 16)
 """Cells that a work-item may update at once: see kernels/shared/prelude.cl."""
 WIDEST = max(LANES)
+"""Of all vectors."""
 SUFFICIENT = 8
 """Where a vector waits for the one before, or for memory: wider ones are no faster."""
 

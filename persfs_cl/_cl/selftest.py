@@ -38,7 +38,7 @@ def explain(device: Device, ordering: Ordering) -> str:
     """Why a device is given this ordering, in a sentence."""
     reason, bits = ordering.reason, register_bits(device)
     if ordering.lanes > 1:
-        return f"{reason[:-1]}; {ordering.lanes} cells are a vector, as its compiler's registers have {bits} bits."
+        return f"{reason[:-1]}; {ordering.lanes} cells are a vector, and its compiler's registers have {bits} bits."
     if not bits and ordering.for_want_of_vectors:
         return f"{reason[:-1]}; its compiler names no vector registers, so that it gets no vectors."
     return reason

@@ -120,7 +120,7 @@ def _candidates(plan: Plan, setup: Setup) -> dict[str, list[Ordering]]:
     bands = product(plan.widths(), plan.heights(setup.shape[1]), groups)
     candidates: dict[str, list[Ordering]] = {
         "wavefront": [
-            *(WavefrontStrips(wide, vectors=rows // wide, work_groups=count) for rows, count in strips if rows >= wide),
+            *(WavefrontStrips(wide, vectors=rows // wide, work_groups=count) for rows, count in strips),
             *(WavefrontTiles(tile=tile) for tile in plan.tiles),
         ],
         "checkerboard": [

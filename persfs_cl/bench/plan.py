@@ -56,7 +56,7 @@ class Plan:
     precision: Precision = "float32"
     repeats: int = 5
     least_seconds: float = 0.05
-    strip_rows: tuple[int, ...] = (8, 16, 24, 32)
+    strip_rows: tuple[int, ...] = (8, 16, 24, 32, 48)
     lanes: tuple[int, ...] | None = None
     tiles: tuple[tuple[int, int], ...] = ((16, 64), (32, 64), (64, 64))
     band_rows: tuple[int, ...] | None = None

@@ -112,7 +112,7 @@ def bench(
         typer.Option(
             metavar="N,...",
             help=f"Heights of a strip of the wavefront, multiples of {SUFFICIENT}; {_listed(Plan.strip_rows)} unless"
-            " given.",
+            " given. Of those that are no multiples of the vectors none is measured.",
             rich_help_panel=_TUNINGS,
         ),
     ] = None,

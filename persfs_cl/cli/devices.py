@@ -195,7 +195,7 @@ def _checked(device: Device, report: Report, *, quick: bool, fresh: bool) -> dic
         "said": report.said,
         "seconds": report.seconds,
         "quick": quick,
-        "environment": environment(device, shlex.join(["persfs-cl", *sys.argv[1:]])),
+        "environment": environment(device, shlex.join(["persfs-cl", *sys.argv[1:]]), report.facts),
         **report.facts,
         "kernels": [
             {"ordering": ordering, "precisions": precisions, "kernel": kernel, "reason": reason}

@@ -42,7 +42,7 @@ class Extremes:
             if not (everything := here.all()) and not here.any():
                 return
             low, high = block.min(), block.max()
-            # Of this thread and others. Where no pixel is beyond these, which of them are to be solved is no matter.
+            # So far, of all threads. A block within them cannot change them, whichever of its pixels are to be solved.
             darkest, brightest = found[-1]
             if not everything and not (low >= darkest and high <= brightest):
                 used = block[here]

@@ -108,14 +108,15 @@ class Problem(Given):
             start = np.empty(known.shape)
         outside = self.scheme.outside
 
-        def begin(rows: slice) -> None:
+        def fill(rows: slice) -> None:
             if first is not None:
                 start[rows] = first[rows]
             if outside is not None:
                 # What is not there must not look like a low neighbour.
                 np.copyto(start[rows], outside, where=~(known[rows] | self.domain.solved[rows]))
 
-        in_row_blocks(begin, start.shape)
+        if first is not None or outside is not None:
+            in_row_blocks(fill, start.shape)
         start[known] = self.known_values - self.level
         if self.limits is not None:
             lower, upper = self.limits

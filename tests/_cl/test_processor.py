@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import mmap
 import platform
 import sys
 from types import SimpleNamespace
 from typing import Any
 
+import pyopencl as cl
 import pytest
 
 import persfs_cl as ps
@@ -35,15 +37,19 @@ class Record:
         *between: str,
         version: str = "OpenCL 3.0 PoCL 3.0",
         width: int = 8,
+        kind: int = cl.device_type.CPU,
+        beside: Record | None = None,
     ) -> None:
         texts = ("pthread", target, *between, name, "later")
         self.texts = [ctypes.create_string_buffer(text.encode()) for text in texts]
         self.place = 2 + texts.index(name)
-        words = [1, 2**63 + 5, *map(ctypes.addressof, self.texts), 0]
-        self.words = (ctypes.c_uint64 * 1024)(*words)
+        others: list[int] = list(beside.words[:16]) if beside else []
+        words: list[int] = [1, 2**63 + 5, *map(ctypes.addressof, self.texts)]
+        self.words: Any = (ctypes.c_uint64 * 1024)(*words, *[0] * (16 - len(words)), *others)
         self.handle: Any = SimpleNamespace(
             name="pthread",
             platform=SimpleNamespace(version=version),
+            type=kind,
             int_ptr=ctypes.addressof(self.words),
             native_vector_width_float=width,
         )
@@ -60,6 +66,8 @@ class Record:
 @pytest.fixture(autouse=True)
 def _flags(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processor, "_flags", lambda: V4)
+    # Addresses of what is made for a test come again.
+    monkeypatch.setattr(processor, "_named", {})
 
 
 @on_x86_linux
@@ -91,6 +99,7 @@ def test_what_was_named_before_is_told_again() -> None:
     [
         ("x86_64-unknown-linux-gnu", "znver3", "OpenCL 3.0 PoCL 3.0"),
         ("x86_64-unknown-linux-gnu", "generic-not", "OpenCL 3.0 PoCL 3.0"),
+        ("x86_64-unknown-linux-gnu", "x86-64", "OpenCL 3.0 PoCL 7.1"),
         ("x86_64-unknown-linux-gnu", "generic", "OpenCL 3.0 LINUX"),
         ("aarch64-unknown-linux-gnu", "generic", "OpenCL 3.0 PoCL 3.0"),
     ],
@@ -99,6 +108,21 @@ def test_a_known_processor_and_another_driver_are_left_alone(target: str, name: 
     record = Record(target, name, version=version)
     assert name_processor(record.handle) is None
     assert record.name == name
+
+
+def test_a_gpu_is_left_alone() -> None:
+    record = Record("x86_64-unknown-linux-gnu", "generic", kind=cl.device_type.GPU)
+    assert name_processor(record.handle) is None
+    assert record.name == "generic"
+
+
+def test_the_record_of_another_device_is_left_alone() -> None:
+    """Where the first is of a processor that its compiler knows; records lie side by side."""
+    other = Record("x86_64-unknown-linux-gnu", "generic")
+    record = Record("x86_64-unknown-linux-gnu", "znver3", beside=other)
+    assert name_processor(record.handle) is None
+    assert record.name == "znver3"
+    assert list(record.words[16:32]) == list(other.words[:16])
 
 
 def test_no_processor_is_named_where_memory_cannot_be_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,10 +137,20 @@ def test_no_processor_is_named_where_memory_cannot_be_looked_at(monkeypatch: pyt
     assert record.name == "generic"
 
 
+@on_x86_linux
 def test_a_record_at_the_end_of_memory_is_read_as_far_as_it_goes() -> None:
     """Neither no memory at all nor a page that is the last ends the process."""
-    nowhere = SimpleNamespace(name="", platform=SimpleNamespace(version="PoCL"), int_ptr=64)
-    assert name_processor(nowhere) is None  # type: ignore[arg-type]
+    nowhere: Any = SimpleNamespace(**{**vars(Record("x86_64-", "generic").handle), "int_ptr": 64})
+    assert name_processor(nowhere) is None
+    record = Record("x86_64-unknown-linux-gnu", "generic")
+    pages = mmap.mmap(-1, 2 * mmap.PAGESIZE)
+    begin = ctypes.addressof(ctypes.c_char.from_buffer(pages))
+    ctypes.memmove(begin + mmap.PAGESIZE - 128, record.words, 128)
+    protect = ctypes.CDLL(None, use_errno=True).mprotect
+    protect.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
+    assert protect(begin + mmap.PAGESIZE, mmap.PAGESIZE, 0) == 0
+    record.handle.int_ptr = begin + mmap.PAGESIZE - 128
+    assert name_processor(record.handle) == "x86-64-v3"
 
 
 def test_levels_need_all_their_flags_and_all_below() -> None:
@@ -130,10 +164,10 @@ def test_levels_need_all_their_flags_and_all_below() -> None:
 def test_a_cache_for_many_machines_tells_levels_apart(device: ps.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """PoCL files programs under the name that its compiler had, one for all unknown processors."""
     asked: list[list[str]] = []
-    device.context  # noqa: B018  # names the processor
+    device.context  # noqa: B018  # is made before it is told another name
     monkeypatch.setattr("persfs_cl._cl.program._compiled", lambda _, __, options, ___: asked.append(list(options)))
     for level in ("x86-64-v3", "x86-64-v4", None):
-        monkeypatch.setattr(device, "processor", level)
+        monkeypatch.setattr(device, "_processor", level)
         monkeypatch.setattr(device, "programs", {})
         program(device, ["registers"], "float32")
     assert ["-DPROCESSOR=x86_64_v3" in options for options in asked] == [True, False, False]
@@ -143,6 +177,7 @@ def test_a_cache_for_many_machines_tells_levels_apart(device: ps.Device, monkeyp
 
 def test_vectors_are_as_wide_as_the_level(device: ps.Device) -> None:
     """What is compiled for the level runs here."""
-    bits = register_bits(device)
+    if device.processor is None:
+        pytest.skip(f"the compiler of {device} knows the processor")
     expected = {"x86-64-v4": 512, "x86-64-v3": 256, "x86-64-v2": 128, "x86-64": 128}
-    assert expected.get(device.processor or "", bits) == bits
+    assert register_bits(device) == expected[device.processor]

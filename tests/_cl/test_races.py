@@ -33,7 +33,7 @@ ordering, light, boundary = eval(sys.argv[1]), eval(sys.argv[2]), sys.argv[3]
 device, = ps.devices()
 assert "Oclgrind" in device.name, device
 problems = [
-    random_problem(seed, (16, 30), boundary=boundary, holes=0.3, light=light, scheme="upwind") for seed in range(2)
+    random_problem(seed, (17, 30), boundary=boundary, holes=0.3, light=light, scheme="upwind") for seed in range(2)
 ]
 sweeper = Sweeper(
     device,

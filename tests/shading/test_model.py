@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import persfs_cl as ps
+from persfs_cl import blocks
 from persfs_cl.choices import Precision
 from persfs_cl.scenes.scene import Scene
 from persfs_cl.shading.model import DARKEST, Extremes
@@ -132,7 +133,12 @@ class TestAlbedo:
 
 
 class TestExtremes:
-    """The darkest and the brightest of the pixels to solve."""
+    """The darkest and the brightest of the pixels to solve, by one thread and by several."""
+
+    @pytest.fixture(autouse=True, params=[1, 4])
+    def _cores(self, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(blocks, "_PIXELS", 2**12)
+        monkeypatch.setattr(blocks, "usable_cores", lambda: request.param)
 
     @pytest.mark.parametrize("shape", [(1, 5), (300, 700)])
     @pytest.mark.parametrize("share", [0.001, 0.5, 1.0])

@@ -27,7 +27,8 @@ _SMALL_PIXELS = 2**16
 
 def wavefront(setup: Setup) -> Ordering:
     """Strips, whole images or tiles."""
-    wide, (groups, pixels) = lanes_of_strips(setup), _resources(setup)
+    wide = lanes_of_strips(setup)
+    groups, pixels = _resources(setup)
     if wide == 1:
         return WavefrontTiles.of(setup)
     kind: type[Strips] = WavefrontStrips
@@ -41,7 +42,8 @@ def checkerboard(setup: Setup) -> Ordering:
     """Bands or single colours; at second order a third colour."""
     if setup.second_order:
         return ThreeColours.of(setup)
-    wide, (groups, pixels) = lanes(setup.device, setup.precision), _resources(setup)
+    wide = lanes(setup.device, setup.precision)
+    groups, pixels = _resources(setup)
     if wide == 1:
         return Checkerboard.of(setup)
     if pixels <= _SMALL_PIXELS:
@@ -53,7 +55,7 @@ def checkerboard(setup: Setup) -> Ordering:
 def lanes_of_strips(setup: Setup) -> int:
     """Cells of a vector of strips and whole images."""
     # From one vector to the next Lax-Friedrichs waits for a root and a quotient. What settles, the upwind scheme, has
-    # so much else to compute that they do not matter.
+    # so much else to compute that this wait does not matter.
     return lanes(setup.device, setup.precision, WIDEST if setup.settles else SUFFICIENT)
 
 
