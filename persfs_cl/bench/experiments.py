@@ -116,7 +116,7 @@ def _candidates(plan: Plan, setup: Setup) -> dict[str, list[Ordering]]:
     wide = lanes_of_strips(setup)
     # Few groups of one item suit processors, which run it at full speed.
     groups = plan.groups() if wide > 1 else ()
-    strips = product(plan.strip_rows, groups)
+    strips = product([rows for rows in plan.strip_rows if not rows % wide], groups)
     bands = product(plan.widths(), plan.heights(setup.shape[1]), groups)
     candidates: dict[str, list[Ordering]] = {
         "wavefront": [
