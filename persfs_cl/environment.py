@@ -7,10 +7,10 @@ import platform
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 from persfs_cl._cl.device import Device
+from persfs_cl._cl.processor import cpuinfo
 from persfs_cl.blocks import usable_cores
 
 _PACKAGES = (
@@ -73,13 +73,7 @@ def summary(header: Mapping[str, Any]) -> str:
 
 def processor() -> str:
     """Name of the processor, as far as the system tells."""
-    listing = Path("/proc/cpuinfo")
-    if listing.exists():
-        for line in listing.read_text(encoding="utf-8").splitlines():
-            name, _, value = line.partition(":")
-            if name.strip() == "model name":
-                return value.strip()
-    return platform.processor() or platform.machine()
+    return cpuinfo("model name") or platform.processor() or platform.machine()
 
 
 def _versions() -> dict[str, str]:

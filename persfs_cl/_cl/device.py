@@ -110,7 +110,8 @@ class Device:
 
         See :func:`persfs_cl._cl.processor.name_processor`.
         """
-        return self._processor if self.context else None
+        self.context  # noqa: B018  # which is made after the compiler was told
+        return self._processor
 
     @property
     def queue(self) -> cl.CommandQueue:

@@ -82,9 +82,11 @@ def name_processor(handle: cl.Device) -> str | None:
         os.close(memory)
     if place is None:
         return None
-    _named[handle.int_ptr] = level = level_of(_flags(), handle.native_vector_width_float)
+    level = level_of(set((cpuinfo("flags") or "").split()), handle.native_vector_width_float)
     # PoCL keeps the address, so that the copy is never freed.
     ctypes.c_void_p.from_address(place).value = _copy_in_c(level)
+    # Not before: another thread goes by it.
+    _named[handle.int_ptr] = level
     _LOG.debug("%s: its compiler does not know the processor, and is told that it is %s", handle.name, level)
     return level
 
@@ -115,13 +117,21 @@ def level_of(flags: set[str], width: int) -> str:
     return reached
 
 
-def _flags() -> set[str]:
-    """What this processor can do; nothing where Linux does not say."""
+def cpuinfo(field: str) -> str | None:
+    """What Linux says of the first processor, such as its "model name"; None where it says nothing.
+
+    Examples
+    --------
+    >>> from persfs_cl._cl.processor import cpuinfo
+    >>> cpuinfo("no such field") is None
+    True
+    """
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
-        return set()
-    return next((set(line.partition(":")[2].split()) for line in lines if line.startswith("flags")), set())
+        return None
+    said = (line.partition(":") for line in lines)
+    return next((value.strip() for name, _, value in said if name.strip() == field), None)
 
 
 def _place_of_unknown(read: Callable[[int, int], bytes], record: int) -> int | None:

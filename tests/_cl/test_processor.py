@@ -65,7 +65,7 @@ class Record:
 
 @pytest.fixture(autouse=True)
 def _flags(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(processor, "_flags", lambda: V4)
+    monkeypatch.setattr(processor, "cpuinfo", lambda _: " ".join(V4))
     # Addresses of what is made for a test come again.
     monkeypatch.setattr(processor, "_named", {})
 
